@@ -1,4 +1,4 @@
-"""Find the axes that a program names or moves, tools' chains included; for leases."""
+"""Find the axes that a program names or moves, including the chains of its tools; for leases."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from mcserver.machine.dialect_section import Dialect
 from mcserver.machine.machine_file import Machine
 
 _ARC_AXES = frozenset((0, 1, 2))
-# what a profile computes or calls: its axes are known as it runs
+# variables, expressions and calls of a profile: their axes are only known when the program runs
 _COMPUTED = re.compile(r"#|\[(?!\d+\])|\bO\s*[<\d]|M0*98(?!\d)|G65(?!\d)", re.IGNORECASE)
-# G74 and G84 turn one that stands
+# words that turn a spindle: G74 and G84 start a stopped one
 _SPINDLE = re.compile(r"(?:M0*(?:[345]|19)|G(?:74|84))(?!\d)|S\s*[-+.\d#\[]", re.IGNORECASE)
 
 
 def axes_used(text: str, machine: Machine) -> tuple[int, ...]:
-    """Return the axes that a program may need, sorted: all of the machine where it computes or calls.
+    """Return the axes that a program may need, sorted: all axes of the machine if it computes or calls.
 
-    An axis too many is possible, such as the letters of a tool's pose; one too few is not. Axis commands
-    without P act on what the program has leased and need none.
+    It may return an axis too many, such as the letters of a tool's pose, but never one too few. Axis commands
+    without P act on the leased axes and need none of their own.
     """
     if not machine.dialect.reference and _COMPUTED.search(text):
         return tuple(sorted(axis.index for axis in machine.axes))
@@ -34,7 +34,7 @@ def axes_used(text: str, machine: Machine) -> tuple[int, ...]:
 
 
 def axes_named(text: str, machine: Machine) -> tuple[int, ...]:
-    """Return the axes that a program needs by its words, and its spindle, sorted."""
+    """Return the axes that a program's words need, and its spindle, sorted."""
     known = {axis.index for axis in machine.axes}
     dialect = machine.dialect
     chains = {tool.number: tool.axes for tool in machine.tools}
@@ -43,7 +43,7 @@ def axes_named(text: str, machine: Machine) -> tuple[int, ...]:
         found.add(dialect.spindle)
     read = reader_of(dialect)
     for number, line in enumerate(split_lines(text), start=1):
-        # as the reference has it, too: T of a profile may choose a tool whose tip is led
+        # also as the reference's dialect reads it: T of a profile may choose a tool with tip control
         for parsed in (scan_line(line, number), *([] if dialect.strict else [read(line, number)])):
             for group in parsed.groups:
                 for command in group:

@@ -1,4 +1,4 @@
-"""Collect the faults of a line before any of it acts (D-04)."""
+"""Collect the faults of a line before it takes effect (D-04)."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ Span = tuple[int, int]
 
 
 class Origin(NamedTuple):
-    """Where a computed line comes from.
+    """Source of a computed line.
 
     Attributes:
-        line: of the text, or of a file of the machine's. columns: gives the columns there.
+        line: in the text, or in a file of the machine's. columns: maps columns to those of that line.
         file: its name; empty: the text itself.
     """
 
@@ -26,7 +26,7 @@ class Origin(NamedTuple):
     file: str = ""
 
 
-# the title of each code is the first line of a rendered diagnostic; the message gives the values
+# a code's title is the first line of a rendered diagnostic; the message has the values
 TITLES: Mapping[str, str] = MappingProxyType(
     {
         "MC100": "the program is no text",
@@ -137,13 +137,13 @@ TITLES: Mapping[str, str] = MappingProxyType(
 
 
 def in_file(fault: Diagnostic, file: str, line: int) -> Diagnostic:
-    """Return a fault of a file that is called in a line of the text."""
+    """Return a fault of a called file as a fault of the calling line."""
     message = f"{file}, line {fault.line}: {fault.message}"
     return msgspec.structs.replace(fault, message=message, line=line, column=0, end_column=0, edit=None)
 
 
 class FaultList:
-    """The diagnostics of one line, in the order in which they were reported."""
+    """Collects the diagnostics of one line, in the order in which they are reported."""
 
     __slots__ = ("found", "line", "origin")
 
@@ -165,9 +165,9 @@ class FaultList:
         edit: Edit | None = None,
         severity: Severity = "error",
     ) -> None:
-        """Report a fault; ``span`` is (column, end column), from 1, end exclusive. A warning stops nothing.
+        """Report a fault; ``span`` is (column, end column), from 1, end exclusive. Warnings stop nothing.
 
-        ``edit`` is given only where one remedy is certain: the line then means what its writer meant.
+        ``edit`` is given only if there is one certain remedy: the line then means what its writer meant.
         """
         self.found.append(
             Diagnostic(
@@ -186,7 +186,7 @@ class FaultList:
         )
 
     def in_reading_order(self) -> tuple[Diagnostic, ...]:
-        """Return the diagnostics by column, of a computed line at their places in the text."""
+        """Return the diagnostics by column; for a computed line, in columns of its source."""
         found = self.found
         if self.origin is not None:
             line, columns, file = self.origin
@@ -200,7 +200,7 @@ class FaultList:
         return tuple(sorted(found, key=lambda fault: (fault.column, fault.end_column)))
 
     def raise_if_any(self) -> None:
-        """Reject the line if it has a fault.
+        """Raise if the line has a fault.
 
         Raises:
             ProgramRejected: with every fault of the line.

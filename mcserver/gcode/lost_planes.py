@@ -1,4 +1,4 @@
-"""What a check says behind a tilted plane that is refused: nothing that follows from it (D-111)."""
+"""Suppress faults of a check that follow from a refused tilted plane (D-111)."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from mcserver.errors import Diagnostic
 from mcserver.gcode.semantics.tilted_planes import OUT_OF_ORDER
 
 _CODE = re.compile(r"G[ \t]*0*(68[ \t]*\.20*|53[ \t]*\.10*|69)(?![0-9.])")
-# faults of the plane, and of where it would have taken the axes
+# faults of the plane, and of the ends of moves in it
 _FOLLOWING = frozenset({"MC175", "MC176", "MC201"})
 
 
 class LostPlanes:
-    """Follows one program's G68.2, G53.1 and G69, as a check reads them."""
+    """Tracks G68.2, G53.1 and G69 of one program during a check."""
 
     def __init__(self) -> None:
         self._lost = False
@@ -22,7 +22,7 @@ class LostPlanes:
         """Return the faults of a line that do not follow from a plane refused before.
 
         Args:
-            code: the line without comments, in capitals. tilted: there is a plane behind it.
+            code: the line without comments, in capitals. tilted: a plane is in force after it.
         """
         codes = {match[1][:2] for match in _CODE.finditer(code)}
         if not (codes or self._lost):
@@ -39,6 +39,6 @@ class LostPlanes:
         if "69" in codes or tilts:
             self._lost = tilts and refused
         elif codes and refused and tilted:
-            # the tool does not come to stand on it
+            # the tool is not turned to the plane
             self._lost = True
         return told

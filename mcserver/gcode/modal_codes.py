@@ -1,4 +1,4 @@
-"""A modal state as the codes that would bring it about, for people."""
+"""Show a modal state as the codes that set it."""
 
 from __future__ import annotations
 

@@ -34,13 +34,13 @@ from mcserver.motion.canonical import (
     ThreadLine,
 )
 
-# so many changes of S under way are a laser's, not a spindle's
+# this many changes of S while cutting mean a laser, not a spindle
 CHANGES_OF_A_BEAM = 5
-# a G4 that waits so long was meant in milliseconds [s]
+# a G4 this long was meant in milliseconds [s]
 LONG_WAIT = 100.0
-# codes and macros that are not done here: each is said once, with the count of its lines
+# refused codes and macros: reported once each, with the count of lines
 _OF_CODES = frozenset({"MC110", "MC141", "MC145"})
-# these, too: of tilted planes
+# of tilted planes; also reported once
 _SAID_ONCE = _OF_CODES | {"MC175"}
 MOST_FAULTS = 20_000  # a file with more is not one for this machine, and its faults must not fill the memory
 _COMMENTS = re.compile(r"\([^()]*\)?|;.*|%.*")
@@ -64,9 +64,9 @@ def check_lines(
     frame: Frame | None = None,
     switches: Switches = AS_WRITTEN,
 ) -> list[Diagnostic]:
-    """Find every fault of a program, read line by line however long it is; tools' paths are solved too.
+    """Find every fault of a program, line by line whatever its length; tools' paths are solved too.
 
-    After a faulty line the check goes on from a best guess: a motion's endpoint counts as reached if it is
+    After a faulty line the check continues from a best guess: a motion's end counts as reached if it is
     known, and a feed or tool that could not be read causes no further faults in the lines that use it.
 
     Args:
@@ -77,7 +77,7 @@ def check_lines(
         frame: work offsets at the start; None: the machine file's. switches: of the operator.
 
     Returns:
-        The faults in reading order; behind `MOST_FAULTS` of them the check ends (MC158).
+        The faults in reading order; the check ends after `MOST_FAULTS` (MC158).
     """
     interpreter = Interpreter(
         machine, kinematics=kinematics, positions=positions, lease=lease, frame=frame, switches=switches
@@ -90,7 +90,7 @@ def check_lines(
         while not window.ended and not interpreter.ended and survey.room:
             _check_next(interpreter, expansion, window, survey)
     except ProgramRejected as rejected:
-        # bytes that are no text, or a line that no machine takes: what the others say would be guesses
+        # not text, or a line too long for any machine: other faults would be guesses
         return list(rejected.diagnostics)
     if not interpreter.ended:
         try:
@@ -109,7 +109,7 @@ def check_lines(
 
 
 def _check_next(interpreter: Interpreter, expansion: Expansion, window: LineWindow, survey: _Survey) -> None:
-    """Check the next line with all that it runs, or as many lines as can be read in columns."""
+    """Check the next line with everything that it runs, or as many lines as can be read in columns."""
     number = window.done + 1
     most = interpreter.batch_window(number) if expansion.idle else 0
     if most:
@@ -134,7 +134,7 @@ def _check_next(interpreter: Interpreter, expansion: Expansion, window: LineWind
 
 
 def _check_expanded(interpreter: Interpreter, expansion: Expansion, survey: _Survey) -> None:
-    """Check the plain lines that there are before another line is taken."""
+    """Check the plain lines that the last line has expanded to."""
     while expansion.running and not interpreter.ended and survey.room:
         try:
             parsed = expansion.next()
@@ -166,10 +166,10 @@ def _code(line: str) -> bool:
 
 
 class _Survey:
-    """What a check finds: faults line by line, and what is said once for the whole program.
+    """Findings of a check: faults by line, and those reported once for the whole program.
 
     Attributes:
-        empty: the file has no code. planes: leaves out what follows from tilted planes that are refused.
+        empty: the file has no code. planes: suppresses faults that follow from refused tilted planes.
     """
 
     def __init__(self, machine: Machine, at_rest: bool) -> None:
@@ -180,25 +180,25 @@ class _Survey:
         self._lasers = frozenset(at for at, each in enumerate(machine.outputs) if each.laser)
         self._found: list[Diagnostic] = []
         self._warnings: list[Diagnostic] = []
-        # by message: index of its first fault, and how many lines have it
+        # by message: index of its first fault, and count of lines
         self._refusals: dict[str, tuple[int, int]] = {}
         self._turning = False
         # code, line and column of faults of computed lines
         self._places: set[tuple[str, int, int]] = set()
-        # whether M3 or M4 has switched on an output that follows S; first line and count of changes of S then
+        # M3 or M4 has switched on an output that follows S; first line and count of changes of S since then
         self._beam = False
         self._beam_changes = (0, 0)
         self._computes = 0
-        # by code: its first line, and how many it has
+        # by code: its first line, and count of lines
         self._without_effect: dict[str, tuple[int, int]] = {}
         self._energized: set[int] = set()
         self._loose: tuple[int, tuple[int, ...]] | None = None
-        # the last T, and line and tool of the first M6
+        # number of the last T; line and tool of the first M6
         self._tool = 0
         self._first_tool: tuple[int, int] | None = None
 
     def unsaid(self, faults: Iterable[Diagnostic]) -> list[Diagnostic]:
-        """Return the faults of a computed line that it did not have before: a loop runs it many times."""
+        """Return the faults of a computed line that are new: a loop runs it many times."""
         found = []
         for fault in faults:
             place = fault.code, fault.line, fault.column
@@ -209,11 +209,11 @@ class _Survey:
 
     @property
     def room(self) -> bool:
-        """Whether further faults are kept."""
+        """Whether there is room for further faults."""
         return len(self._found) < MOST_FAULTS
 
     def faults(self, faults: Iterable[Diagnostic]) -> None:
-        """Note the faults of a line; of a program that computes only that is said."""
+        """Add the faults of a line; for a program that computes, only the fault that it does."""
         for fault in faults:
             if fault.code == "MC140":
                 self._computes += 1
@@ -228,7 +228,7 @@ class _Survey:
                 self._found.append(fault)
 
     def _refused(self, fault: Diagnostic) -> None:
-        """Note a code that is refused: once for the program, where it stands first."""
+        """Add a refused code, once for the program, at its first line."""
         first, count = self._refusals.get(fault.message, (len(self._found), 0))
         self._refusals[fault.message] = first, count + 1
         if count:
@@ -259,7 +259,7 @@ class _Survey:
                 self._long_dwell(action.words["P"], line)
             elif code == "M6" and self._first_tool is None and self._dialect.tool_change == "pause":
                 self._first_tool = line, self._tool
-            # of M3 to M5, beside one that has outputs, the others are refused
+            # if outputs are mapped to one of M3 to M5, the others are refused, not without effect
             same = SPINDLE if code in SPINDLE else {code}
             mapped = (
                 bool(same & self._dialect.mapped)
@@ -274,7 +274,7 @@ class _Survey:
         self.without_effect({code: (line, codes.count(code)) for code in codes})
 
     def _long_dwell(self, word: ProfileWord, line: int) -> None:
-        """Warn of a P that was meant in milliseconds (MC129)."""
+        """Warn of a P that was probably meant in milliseconds (MC129)."""
         seconds = word.value * self._dialect.dwell_unit
         if self._dialect.dwell_unit < 1.0 or seconds < LONG_WAIT or len(self._warnings) >= MOST_FAULTS:
             return
@@ -289,8 +289,9 @@ class _Survey:
         )
 
     def _follow_beam(self, codes: set[str], line: int) -> None:
-        """Count the changes of S at which motion stops with an output on that follows S (D-73); a laser's
-        keep to the path.
+        """Count changes of S at which motion stops while an output that follows S is on (D-73).
+
+        A laser's output keeps to the path and is not counted.
         """
         switching = codes & SPINDLE
         if switching:
@@ -302,13 +303,13 @@ class _Survey:
             self._beam_changes = first or line, count + 1
 
     def without_effect(self, words: Mapping[str, tuple[int, int]]) -> None:
-        """Note codes and letters without effect, with their first line and the count of their lines."""
+        """Add codes and letters without effect, each with its first line and count of lines."""
         for code, (line, more) in words.items():
             first, count = self._without_effect.get(code, (line, 0))
             self._without_effect[code] = first, count + more
 
     def value(self, value: Canonical) -> None:
-        """Follow which axes are energized."""
+        """Track which axes are energized."""
         if isinstance(value, AxisLine):
             if value.operation.energized:
                 self._energized |= set(value.axes)
@@ -324,21 +325,21 @@ class _Survey:
                     self._energized |= set(group.axes)
 
     def batch(self, batch: PathBatch) -> None:
-        """Note the first line of a batch that moves axes that nothing has energized."""
+        """Note the first line of a batch that moves axes which are not energized."""
         if self._loose is None:
             found = batch.first_beyond(self._energized)
             if found is not None:
                 self.motion(found[1], found[0])
 
     def motion(self, axes: tuple[int, ...], line: int) -> None:
-        """Note the first of G01-G03 on axes that nothing has energized."""
+        """Note the first G01-G03 on axes which are not energized."""
         if self._loose is None and not self._energized.issuperset(axes):
             self._loose = line, tuple(sorted(set(axes) - self._energized))
 
     def diagnostics(self, last: int) -> list[Diagnostic]:
-        """Return everything, in the order of the program; ``last``: the last line that was read."""
+        """Return all findings in the program's order; ``last``: the last line that was read."""
         if self._computes:
-            # what its words are and what they do is not known: further faults would be guesses
+            # nothing is known of its words and their effects: further faults would be guesses
             (fault,) = self._found
             lines = "a line of it" if self._computes == 1 else f"{self._computes} lines of it"
             return [msgspec.structs.replace(fault, message=f"{fault.message} ({lines})")]
@@ -419,7 +420,7 @@ class _Survey:
         return sorted([*found, *said], key=lambda each: each.line) if said else found
 
     def _consequences(self) -> list[str]:
-        """Say what is printed otherwise for want of codes without effect."""
+        """Describe the effects on the print of codes without effect."""
         if self._dialect.profile != "printer":
             return []
         return [
@@ -429,7 +430,7 @@ class _Survey:
         ]
 
     def _of_turning(self) -> list[Diagnostic]:
-        """Return the faults of a lathe's program: which codes it has; all others follow from that."""
+        """Return the faults of a lathe's program: only its lathe codes, from which all others follow."""
         kept = [each for each in self._found if each.code in ("MC147", *_OF_CODES)]
         hidden = len(self._found) - len(kept)
         if not hidden:
@@ -446,7 +447,7 @@ def _follows_speed(settings: tuple[CodeOutput, ...], but: frozenset[int] = froze
 
 
 def _warnings_of(assumed: Mapping[str, int]) -> list[Diagnostic]:
-    """Return what a check says about the values that it assumed (MC166)."""
+    """Return warnings for the values that a check assumed (MC166)."""
     return [
         Diagnostic(
             code="MC166",

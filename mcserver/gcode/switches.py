@@ -1,4 +1,4 @@
-"""An operator's switches of a program: block delete and optional stop (D-98)."""
+"""The operator's switches for a program: block delete and optional stop (D-98)."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ class Switches(msgspec.Struct, frozen=True):
     """Switches that hold for a program from its opening to its end.
 
     Attributes:
-        block_delete: lines that begin with ``/`` are skipped; else they are carried out without it.
-        optional_stop: M01 pauses; else it is as if it were not written.
+        block_delete: lines that begin with ``/`` are skipped; else the ``/`` is ignored.
+        optional_stop: M01 pauses; else it is ignored.
     """
 
     block_delete: bool = False
@@ -24,13 +24,13 @@ class Switches(msgspec.Struct, frozen=True):
 
     @classmethod
     def of(cls, block_delete: bool | None, optional_stop: bool | None) -> Switches | None:
-        """Return the switches of a request; None: it says nothing about them."""
+        """Return the switches of a request; None if it sets none."""
         if block_delete is None and optional_stop is None:
             return None
         return cls(bool(block_delete), optional_stop is not False)
 
     def read(self, text: str) -> str:
-        """Return a line as it is to be read; columns stay, and of a skipped one its number N is left.
+        """Return a line as it is to be interpreted; columns stay, and a skipped line keeps its number N.
 
         Raises:
             ComputingError: MC198 the line has one of several switches of block delete.
@@ -50,5 +50,5 @@ class Switches(msgspec.Struct, frozen=True):
         return found[1] + " " * (found.end() - found.end(1)) + text[found.end() :]
 
 
-# nothing is switched: every line is carried out, and every pause holds
+# no switch is set: every line is executed, and every pause stops
 AS_WRITTEN = Switches()

@@ -1,8 +1,8 @@
-"""``pressure_advance`` of a printer's axis E: filament that is pushed ahead for the nozzle's pressure.
+"""``pressure_advance`` of a printer's axis E: extra filament for the pressure in the nozzle.
 
-E gets K times the flow besides what programs order: the flow is E's speed where it is pushed while X, Y or Z
-move, as a mean over the smooth time, weighted by a triangle. That is within bounds, which are kept from
-programs.
+K times the flow is added to E's position. The flow is E's speed where E is pushed while X, Y or Z move,
+smoothed by a triangular mean over the smooth time. The addition is bounded, and programs get the rest of E's
+limits.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from mcserver.machine.dialect_section import Dialect
     from mcserver.machine.machine_file import Axis
 
-# the numbers of X, Y and Z: filament that is pushed while they stand is not led
+# numbers of X, Y and Z: filament that is pushed while they stand gets no advance
 PATH_AXES = (0, 1, 2)
 # the executor keeps accelerations to this multiple of their limits where a rate changes
 _SLACK = 1.01
@@ -33,10 +33,10 @@ class PressureAdvanceSection(msgspec.Struct, frozen=True):
     """``pressure_advance`` as written.
 
     Attributes:
-        greatest_s, initial_s: K that programs may set, and that they begin with.
-        flow: the greatest that is led, of filament [mm/s].
+        greatest_s, initial_s: greatest K that programs may set, and K at their start.
+        flow: greatest flow of filament that gets the advance [mm/s].
         smooth_time_s: over which the flow is smoothed.
-        per_mm: filament for a mm of the path: what is pushed beyond it is not led.
+        per_mm: greatest filament per mm of path that gets the advance.
     """
 
     greatest_s: Annotated[float, Meta(gt=0.0, le=2.0, description="0.02 to 0.1 is usual, 1 with a long tube")]
@@ -47,7 +47,7 @@ class PressureAdvanceSection(msgspec.Struct, frozen=True):
 
 
 class PressureAdvance(msgspec.Struct, frozen=True):
-    """The same in SI; ``flow`` [m/s], ``greatest``, ``initial`` and ``smooth_time`` [s]."""
+    """`PressureAdvanceSection` in SI; ``flow`` [m/s], ``greatest``, ``initial`` and ``smooth_time`` [s]."""
 
     greatest: float
     initial: float
@@ -56,31 +56,31 @@ class PressureAdvance(msgspec.Struct, frozen=True):
     per_length: float
 
     def half(self, cycle_s: float) -> int:
-        """Return the half of the smooth time in whole cycles: a longer one is within the bounds."""
+        """Return half the smooth time in whole cycles, rounded up, which stays within the bounds."""
         return math.ceil(0.5 * self.smooth_time / cycle_s - 1e-9)
 
     @property
     def offset(self) -> float:
-        """How far E is led at the most [m]."""
+        """Greatest addition to E's position [m]."""
         return self.greatest * self.flow
 
     @property
     def velocity(self) -> float:
-        """What it adds to velocity at the most [m/s]: half of the triangle counts up, half down."""
+        """Greatest addition to E's velocity [m/s]: half of the triangle counts up, half down."""
         return 2.0 * self.offset / self.smooth_time
 
     @property
     def acceleration(self) -> float:
-        """What it adds to acceleration at the most [m/s²]: two ends less twice the middle."""
+        """Greatest addition to E's acceleration [m/s²]: two ends less twice the middle."""
         return 8.0 * self.offset / self.smooth_time**2
 
     def jerk(self, slope: float) -> float:
-        """Return what it adds to jerk at the most [m/s³]; ``slope``: of the flow [m/s²]."""
+        """Return the greatest addition to E's jerk [m/s³]; ``slope``: of the flow [m/s²]."""
         return 16.0 * self.greatest * slope / self.smooth_time**2
 
 
 class Lead(msgspec.Struct, frozen=True):
-    """It in the cycle.
+    """Pressure advance as computed in the cycle.
 
     Attributes:
         column: of E. path: columns of X, Y and Z. weights: of the flow 0, 1, 2, … cycles ago.
@@ -93,10 +93,10 @@ class Lead(msgspec.Struct, frozen=True):
 
     @classmethod
     def of(cls, axes: Mapping[int, Axis], delay: int, cycle_s: float) -> Lead | None:
-        """Return the lead of a machine; None: no axis has one.
+        """Return the pressure advance of a machine; None if no axis has one.
 
         Args:
-            axes: by column. delay: of all axes, about which the flow is smoothed [cycles].
+            axes: by column. delay: of all axes; the smoothing is centred on it [cycles].
         """
         for column, axis in axes.items():
             own = axis.pressure_advance
@@ -115,7 +115,7 @@ def check_advance(
     dialect: Dialect,
     mistakes: Mistakes,
 ) -> Axis | None:
-    """Return E with what its advance leaves of its limits; None: it has none, or cannot have it.
+    """Return E with limits reduced by its advance; None: it has none, or cannot have it.
 
     Args:
         axes, sections: by the paths of the axes' sections.
@@ -156,7 +156,7 @@ def check_advance(
     left = {
         "max_velocity": axis.max_velocity - own.velocity,
         "max_acceleration": acceleration,
-        # an infinite one stays
+        # an infinite limit stays infinite
         "max_jerk": axis.max_jerk - jerk,
         "max_position": axis.max_position - own.offset,
     }

@@ -1,4 +1,4 @@
-"""How much of a CAN bus a machine's cycle takes: frames, bits, and the 80 % that may be used.
+"""Compute the share of a CAN bus that a machine's cycle takes, and refuse more than 80 %.
 
 Bits of a classic frame with an 11-bit identifier and n bytes, in the worst case of bit stuffing (Davis,
 Burns, Bril, Lukkien: Controller Area Network schedulability analysis, 2007): 47 + 8·n + floor((33 + 8·n)/4),
@@ -22,17 +22,17 @@ if TYPE_CHECKING:
     from mcserver.machine.bus_section import BusConfig
     from mcserver.machine.machine_file import Axis, Machine
 
-# Share of a bus that the cycle may take: SDO, EMCY and repetitions need the rest.
+# Share of a bus that the cycle may take: SDO, EMCY and retransmissions need the rest.
 CEILING = 0.8
 # The server's own heartbeat, node 127.
 MASTER_HEARTBEAT_HZ = 20.0
-# Beyond any cycle: RPDO1 comes as rarely as it ever does.
+# Above any cycle rate: here RPDO1 is sent at its minimum rate.
 GREATEST_HZ = 1e5
 
 
 def frame_bits(length: int, *, extended: bool = False) -> int:
-    """Bits of a frame with ``length`` bytes, with the most stuff bits and the space to the next one."""
-    # bits before the checksum that may be stuffed, the payload apart
+    """Return the bits of a frame with ``length`` bytes, maximum bit stuffing and the interframe space."""
+    # bits before the checksum that may be stuffed, without the payload
     head = 54 if extended else 34
     return head + 13 + 8 * length + (head - 1 + 8 * length) // 4
 
@@ -42,11 +42,11 @@ class Share:
     """One kind of frame on a bus.
 
     Attributes:
-        frames: per cycle; below 1 where not every cycle has one. bits: of each. fixed_hz: where the frames
-            come at a rate of their own, all of them together [1/s]; then ``frames`` is 0.
-        timeouts_ms: where the frames come as rarely as the drives' time-outs allow: those of this machine
-            file, each with the shortest that is usual for its mode; ``frames`` is the count of axes then.
-        cycle_hz: that they are of.
+        frames: per cycle; below 1 if not in every cycle. bits: of each. fixed_hz: rate of all of them
+            together if independent of the cycle [1/s]; ``frames`` is then 0.
+        timeouts_ms: of frames sent as rarely as the drives' time-outs allow: those of the machine file, each
+            with the shortest usual for its mode; ``frames`` is then the count of axes.
+        cycle_hz: present cycle rate.
     """
 
     what: str
@@ -57,12 +57,12 @@ class Share:
     cycle_hz: float = 0.0
 
     def frames_at(self, cycle_hz: float) -> float:
-        """Of a cycle at this rate."""
+        """Return the frames per cycle at another cycle rate."""
         if not self.timeouts_ms:
             return self.frames
         timeouts = [timeout for timeout, _ in self.timeouts_ms]
         if cycle_hz > self.cycle_hz:
-            # those that follow from the cycle get shorter with it
+            # time-outs that are multiples of the cycle get shorter with it
             by_cycle = COMMAND_TIMEOUT_CYCLES * 1e3 / cycle_hz
             timeouts = [min(timeout, max(usual, by_cycle)) for timeout, usual in self.timeouts_ms]
         return self.frames / rpdo1_cycles(timeouts, 1.0 / cycle_hz)
@@ -84,21 +84,21 @@ class BusLoad:
 
     @property
     def bits_per_cycle(self) -> float:
-        """Of frames that come with the cycle."""
+        """Bits per cycle of frames sent with the cycle."""
         return self.bits_at(self.cycle_hz)
 
     def bits_at(self, cycle_hz: float) -> float:
-        """Return the same of a cycle at another rate."""
+        """Return `bits_per_cycle` at another cycle rate."""
         return math.fsum(share.frames_at(cycle_hz) * share.bits for share in self.shares)
 
     @property
     def fixed_bits_per_second(self) -> float:
-        """Of frames at a rate of their own."""
+        """Bits of frames at fixed rates [bit/s]."""
         return math.fsum(share.fixed_hz * share.bits for share in self.shares)
 
     @property
     def share(self) -> float:
-        """Of the bus that is taken [1]."""
+        """Share of the bus in use [1]."""
         return (self.bits_per_cycle * self.cycle_hz + self.fixed_bits_per_second) / self.bitrate
 
     @property
@@ -107,37 +107,35 @@ class BusLoad:
 
     @property
     def greatest_cycle_hz(self) -> int:
-        """The greatest whole cycle rate that fits; 0: none does."""
+        """Greatest whole cycle rate that fits; 0 if none does."""
         if self.bits_per_cycle <= 0.0:
             return 0
         left = CEILING * self.bitrate - self.fixed_bits_per_second
-        # with RPDO1 as rarely as it ever comes it is no greater
+        # upper bound: the rate that fits with RPDO1 at its minimum
         most = math.floor(left / self.bits_at(GREATEST_HZ))
         fitting = (hz for hz in range(most, 0, -1) if self.bits_at(hz) * hz <= left)
         return next(fitting, 0)
 
     @property
     def usual_cycle_hz(self) -> int:
-        """The greatest rate that fits and whose period 60C2h can hold: a whole number of tenths of a
-        millisecond; 0: none does."""
+        """Greatest rate that fits with a period of whole 0.1 ms, as in 60C2h; 0 if none does."""
         rates = [hz for hz in range(1, self.greatest_cycle_hz + 1) if 10_000 % hz == 0]
         return max(rates, default=0)
 
     @property
     def buses_needed(self) -> int:
-        """Over how many buses like this one the axes would have to be spread at this rate; 0: no number
-        suffices."""
+        """Number of buses like this one over which the axes have to be spread; 0: no number suffices."""
         for count in range(2, self.axes + 1):
             if self._spread(count) <= CEILING:
                 return count
         return 0
 
     def axes_of(self, buses: int) -> int:
-        """Axes on the fullest of so many buses."""
+        """Return the axes on the fullest of ``buses`` buses."""
         return math.ceil(self.axes / buses)
 
     def _spread(self, buses: int) -> float:
-        """Load of the fullest bus if the axes were spread evenly; what a bus has anyway stays."""
+        """Return the fullest bus's load with axes spread evenly; frames that each bus has anyway stay."""
         part = self.axes_of(buses) / self.axes if self.axes else 1.0
         bits = 0.0
         for share in self.shares:
@@ -161,7 +159,7 @@ class BusLoad:
 
 
 def bus_loads(machine: Machine) -> tuple[BusLoad, ...]:
-    """Return the load of each bus that a drive of the machine is on."""
+    """Return the load of each bus with a drive of the machine."""
     loads = []
     for bus in machine.buses:
         if bus.kind != "can":
@@ -184,10 +182,10 @@ def load_of(
     nodes: Sequence[ProcessData] = (),
     besides: Sequence[Share] = (),
 ) -> BusLoad:
-    """Return the load of one bus with these axes, all of them in velocity mode, which takes most.
+    """Return the load of one bus with these axes in velocity mode, which takes most.
 
     Args:
-        nodes: the process data of its I/O nodes. besides: what its drives exchange besides motion.
+        nodes: process data of its I/O nodes. besides: frames of its drives that are not for motion.
     """
     kinds: dict[type[CanDrive], list[Axis]] = {}
     for axis in axes:
@@ -210,7 +208,7 @@ def load_of(
 
 
 def _drive_io(machine: Machine, bus: str) -> list[Share]:
-    """60FDh and 60FEh of drives, each in a PDO of its own."""
+    """Return the frames of 60FDh and 60FEh of drives, each in its own PDO."""
     shares = []
     for what, objects in (
         ("inputs of drives", [each.source for each in machine.inputs]),
@@ -226,7 +224,7 @@ def refuse_overload(machine: Machine, source: str) -> None:
     """Refuse a machine whose cycle does not fit its buses.
 
     Raises:
-        ConfigurationError: MC007, with the arithmetic and what would fit.
+        ConfigurationError: MC007, with the computation and with rates or buses that would fit.
     """
     for load in bus_loads(machine):
         if load.fits:

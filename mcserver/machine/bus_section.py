@@ -1,4 +1,4 @@
-"""``[[bus]]`` of the machine file: CAN and EtherCAT, and which drives are where on them."""
+"""``[[bus]]`` of the machine file: CAN and EtherCAT buses, and the drives on them."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ class BusConfig(msgspec.Struct, frozen=True):
     """One bus.
 
     Attributes:
-        name: as drives name it. address: see `mcserver.can.address`, of EtherCAT the network interface.
-        redundant_interface: to which the last slave of EtherCAT is connected, too; empty: to none.
-        bitrate: [bit/s]. distributed_clocks: slaves of EtherCAT that have them act at SYNC0.
-        silence_cycles: so many cycles without an answer are a fault of the drive.
-        sync: who sends SYNC; "foreign": another one on the bus. listen_ms: for another master, before
-            anything is sent [ms]. appear_timeout_s: of a node, from its first reset on.
+        name: as in drives. address: see `mcserver.can.address`; for EtherCAT the network interface.
+        redundant_interface: also connected to the last slave of EtherCAT; empty: none.
+        bitrate: [bit/s]. distributed_clocks: EtherCAT slaves that support them act at SYNC0.
+        silence_cycles: cycles without an answer that are a fault of the drive.
+        sync: who sends SYNC; "foreign": another node on the bus. listen_ms: time to listen for another master
+            before anything is sent [ms]. appear_timeout_s: of a node, from its first reset.
     """
 
     name: str
@@ -40,7 +40,7 @@ class BusConfig(msgspec.Struct, frozen=True):
 
 
 def _check_ethercat(section: BusSection, path: Path, mistakes: Mistakes) -> None:
-    """Note keys that EtherCAT has no use for."""
+    """Report keys that EtherCAT does not use."""
     usual = BusSection(section.name)
     for key, instead in (
         ("address", "give interface, a network interface of this computer"),
@@ -54,10 +54,10 @@ def _check_ethercat(section: BusSection, path: Path, mistakes: Mistakes) -> None
 def read_buses(
     sections: Iterable[BusSection | None], drives: Iterable[tuple[Path, int, Drive]], mistakes: Mistakes
 ) -> list[BusConfig]:
-    """Return the buses of ``[[bus]]``, and those that drives name by their addresses.
+    """Return the buses of ``[[bus]]``, and those that drives name by address.
 
     Args:
-        sections: None where one has a mistake of its own.
+        sections: None for one with a mistake.
         drives: path of the section, number of the axis, drive.
     """
     buses: dict[str, BusConfig] = {}

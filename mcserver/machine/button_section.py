@@ -1,4 +1,4 @@
-"""``[[button]]``: programs of a machine's own that operators start from the page, with numbers asked for."""
+"""``[[button]]``: the machine's own programs that operators start from the page, with numbers to enter."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ PLACE = re.compile(r"\{([^{}\n]*)\}")
 
 
 class ButtonArgument(msgspec.Struct, frozen=True):
-    """``[[button.argument]]``: a number that is asked for, in the units of the text.
+    """``[[button.argument]]``: a number to enter, in the units of the text.
 
     Attributes:
-        name: the text has it as ``{name}``. low, high: the number's limits. default: shown first; None: low.
+        name: replaced in the text where it is ``{name}``. low, high: limits. default: shown first; None: low.
         unit: for people, such as ``mm``.
     """
 
@@ -32,7 +32,7 @@ class ButtonArgument(msgspec.Struct, frozen=True):
 
     @property
     def first(self) -> float:
-        """The number that is shown first."""
+        """Number that is shown first."""
         return self.low if self.default is None else self.default
 
 
@@ -40,9 +40,9 @@ class Button(msgspec.Struct, frozen=True):
     """``[[button]]``.
 
     Attributes:
-        text: lines of G-code, run as a program. role: the least that may press it.
-        confirm: what has to be confirmed before it runs, a sentence; empty: its text is shown, as always.
-        group: the heading under which the page shows it.
+        text: lines of G-code, run as a program. role: lowest role that may press it.
+        confirm: sentence to confirm before it runs; empty: its text is shown, as always.
+        group: heading on the page.
     """
 
     name: Annotated[str, Meta(pattern="^[^\\x00-\\x1f]{1,40}$", description="1 to 40 characters")]
@@ -54,7 +54,7 @@ class Button(msgspec.Struct, frozen=True):
 
 
 def read_buttons(sections: Sequence[Button | None], mistakes: Mistakes) -> tuple[Button, ...]:
-    """Return the buttons of a file, their names and places checked; lines of G-code are not read here."""
+    """Return the buttons of a file, with names and places checked; G-code is not read here."""
     if len(sections) > MAX_BUTTONS:
         mistakes.add(("button",), f"{len(sections)} buttons", f"{MAX_BUTTONS} at most")
     names: set[str] = set()
@@ -92,5 +92,5 @@ def read_buttons(sections: Sequence[Button | None], mistakes: Mistakes) -> tuple
 
 
 def filled(text: str, values: Mapping[str, float]) -> str:
-    """Return a button's text with numbers in their places, as programs write them: without an exponent."""
+    """Return a button's text with the numbers filled in, without exponents, as programs write them."""
     return PLACE.sub(lambda place: f"{values[place[1]]:.6f}".rstrip("0").rstrip("."), text)

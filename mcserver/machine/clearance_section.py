@@ -1,4 +1,4 @@
-"""``[clearance]``, ``[[body]]`` and ``[[zone]]``: what must not touch what."""
+"""``[clearance]``, ``[[body]]`` and ``[[zone]]``: bodies that must not touch, and zones."""
 
 from __future__ import annotations
 
@@ -22,32 +22,31 @@ Length = Annotated[float, Meta(gt=0.0, le=1e6, description="give mm above 0, at 
 Number = Annotated[float, Meta(ge=-1e6, le=1e6, description="give a number up to 1e6")]
 Place = tuple[Number, Number, Number]
 AxisIndex = Annotated[int, Meta(ge=0, le=63, description="an axis of this file")]
-# How many bodies and zones a machine file may name, each.
+# Most bodies, and most zones, in a machine file.
 MOST_BODIES = 200
-# How many bodies a program may bring.
+# Most bodies that a program may add.
 MOST_GIVEN = 32
-# Inputs, with a level each, that switch zones: a bit each in what the executor is told.
+# Most inputs, with a level each, that switch zones: each is a bit in the executor's message.
 MOST_SWITCHES = 63
-# Whom a zone may bind: runs that a person has approved, and all other motion, which only operators and
-# engineers can ask for.
+# Roles that a zone may bind: runs that a person has approved, and all other motion, which only operators and
+# engineers can request.
 RunRole = Literal["agent", "operator"]
 AGENT, OPERATOR = ROLES = ("agent", "operator")
-# One agent by its user's name, as sites have it.
+# One agent, by its user's name as in the site file.
 _ONE_AGENT = re.compile(rf"{AGENT}:[A-Za-z0-9][A-Za-z0-9_-]{{0,31}}")
 
 ORIGIN: Place = (0.0, 0.0, 0.0)
 
 
 class Carried(msgspec.Struct, frozen=True, kw_only=True):
-    """What all shapes of bodies have in common.
+    """Attributes that all shapes of bodies have.
 
     Attributes:
-        name: of the body. at_mm: where its middle is, in the frame of what carries it. turned_deg: angles A,
-            B, C, as Rz(C)·Ry(B)·Rx(A).
-        link: link of the URDF that carries it. carried_by: linear axes that carry it instead, each along the
-            direction of its letter X, Y or Z; neither: it stands still. opposite: a table, which moves
-            against the sense of its axes.
-        tool: number of the tool that it comes with; None: it is always there.
+        name: of the body. at_mm: its middle, in the frame of its carrier. turned_deg: angles A, B, C, as
+            Rz(C)·Ry(B)·Rx(A).
+        link: link of the URDF that carries it. carried_by: linear axes that carry it instead, each along its
+            letter X, Y or Z; neither: it is fixed. opposite: for a table, which moves against its axes.
+        tool: number of the tool that it belongs to; None: it is always present.
     """
 
     name: Annotated[str, Meta(min_length=1, max_length=60, description="give it a name")]
@@ -60,7 +59,7 @@ class Carried(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class BoxBody(Carried, frozen=True, kw_only=True, tag_field="shape", tag="box"):
-    """A box by its three edges."""
+    """A box with three edge lengths."""
 
     size_mm: tuple[Length, Length, Length]
 
@@ -73,14 +72,14 @@ class CylinderBody(Carried, frozen=True, kw_only=True, tag_field="shape", tag="c
 
 
 class CapsuleBody(Carried, frozen=True, kw_only=True, tag_field="shape", tag="capsule"):
-    """A cylinder along its own Z with a half sphere on each end, which come on top of the length."""
+    """A cylinder along its own Z with half spheres on its ends, which add to its length."""
 
     radius_mm: Length
     length_mm: Length
 
 
 class SphereBody(Carried, frozen=True, kw_only=True, tag_field="shape", tag="sphere"):
-    """A ball."""
+    """A sphere."""
 
     radius_mm: Length
 
@@ -92,8 +91,8 @@ class MeshBody(Carried, frozen=True, kw_only=True, tag_field="shape", tag="mesh"
 
 
 class CutterBody(Carried, frozen=True, kw_only=True, tag_field="shape", tag="cutter"):
-    """The cutter in the spindle: a cylinder from ``at_mm`` along its own -Z, as long and as wide as the tool
-    table says of the tool that is fitted.
+    """The cutter in the spindle: a cylinder from ``at_mm`` along its own -Z, with length and diameter of the
+    fitted tool in the tool table.
     """
 
 
@@ -101,15 +100,15 @@ Body = BoxBody | CylinderBody | CapsuleBody | SphereBody | MeshBody | CutterBody
 
 
 class GivenBody(msgspec.Struct, frozen=True):
-    """A body that a program brings; ``touches``: names of those that may touch it."""
+    """A body that a program adds; ``touches``: names of bodies that may touch it."""
 
     body: Body
     touches: tuple[str, ...] = ()
 
 
 def measures(body: Body) -> tuple[str, tuple[float, ...]]:
-    """Return a body's shape, and its sizes [mm]: edges of a box, radius and length of what is round; none
-    of a mesh or the cutter.
+    """Return a body's shape and sizes [mm]: edges of a box, radius and length of round ones, none of a mesh
+    or the cutter.
     """
     match body:
         case BoxBody():
@@ -127,15 +126,16 @@ def measures(body: Body) -> tuple[str, tuple[float, ...]]:
 
 
 class Switch(NamedTuple):
-    """What switches zones on: number of a digital input, and whether it is high then."""
+    """Number of the digital input that switches a zone, and the level at which it is on."""
 
     input: int
     high: bool
 
 
 def agent_role(client: str) -> str:
-    """Return the role of an approved run by the id of the client that has asked for it, which begins with its
-    user and a dot; of one without a user it may be any agent.
+    """Return the role of an approved run by its requesting client's id, which begins with the user and a dot.
+
+    Without a user it is the role of all agents.
     """
     user, dot, _ = client.partition(".")
     return f"{AGENT}:{user}" if dot else ROLES[0]
@@ -145,12 +145,12 @@ class Zone(msgspec.Struct, frozen=True, kw_only=True):
     """A ``[[zone]]``: a box that bodies stay out of, or in, or are slow in.
 
     Attributes:
-        max_speed_mm_s: of a slow one.
-        work: the work system that its place and angles are in; None: the base's frame. on: name of a body,
-            or a link of the URDF, that carries it; None: it stands.
-        bodies: names of the bodies and links that it is for; empty: all that move.
-        roles: whom it binds (`AGENT`, one of them as of `agent_role`, `OPERATOR`); empty: everybody.
-        input, active: number of the digital input that switches it, and its level where the zone is on.
+        max_speed_mm_s: in a slow zone.
+        work: work system of its place and angles; None: the base's frame. on: body or URDF link that carries
+            it; None: it is fixed.
+        bodies: bodies and links that it applies to; empty: all that move.
+        roles: whom it binds (`AGENT`, one agent as by `agent_role`, `OPERATOR`); empty: everybody.
+        input, active: number of the digital input that switches it, and the level at which it is on.
     """
 
     name: Annotated[str, Meta(min_length=1, max_length=60, description="give it a name")]
@@ -168,21 +168,21 @@ class Zone(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def switch(self) -> Switch | None:
-        """What switches it on; None: it is always on."""
+        """Switch of the zone; None: always on."""
         return None if self.input is None else Switch(self.input, self.active == "high")
 
     @property
     def system(self) -> int | None:
-        """Number of the work system that it is in."""
+        """Number of its work system; None without one."""
         return None if self.work is None else SYSTEM_NUMBERS[self.work]
 
     @property
     def fixed(self) -> bool:
-        """Whether it is where the machine file says, whatever moves."""
+        """Whether its place is fixed by the machine file."""
         return self.work is None and self.on is None
 
     def binds(self, role: str | None) -> bool:
-        """Return whether it counts for a role; None: for whoever it may be, `AGENT`: for any of them."""
+        """Return whether it applies to a role; None: to any role, `AGENT`: to any agent."""
         if role is None or not self.roles or role in self.roles:
             return True
         kind, _, name = role.partition(":")
@@ -193,8 +193,8 @@ class ClearanceSection(msgspec.Struct, frozen=True):
     """``[clearance]`` as written.
 
     Attributes:
-        margin_mm: bodies nearer to each other than this are a contact.
-        allowed: pairs of names that may touch. srdf: file whose ``disable_collisions`` are allowed too,
+        margin_mm: smaller distances of bodies count as contact.
+        allowed: pairs of names that may touch. srdf: file whose ``disable_collisions`` may touch too,
             relative to the machine file.
     """
 
@@ -204,10 +204,10 @@ class ClearanceSection(msgspec.Struct, frozen=True):
 
 
 class Clearance(msgspec.Struct, frozen=True):
-    """The three sections together; file names are absolute.
+    """``[clearance]``, ``[[body]]`` and ``[[zone]]`` together; file names are absolute.
 
     Attributes:
-        margin: [m]. letters: by axis index the direction, 0 for X, 1 for Y, 2 for Z, of linear axes.
+        margin: [m]. letters: direction of each linear axis, by axis index: 0 for X, 1 for Y, 2 for Z.
     """
 
     margin: float
@@ -219,21 +219,21 @@ class Clearance(msgspec.Struct, frozen=True):
 
     @property
     def follows_cutter(self) -> bool:
-        """Return True if one of the bodies is the cutter."""
+        """Whether one of the bodies is the cutter."""
         return any(isinstance(each, CutterBody) for each in self.bodies)
 
     @property
     def switches(self) -> tuple[Switch, ...]:
-        """What switches zones, each once; its place is its bit."""
+        """Switches of all zones, each once; the index is its bit."""
         return tuple(dict.fromkeys(each.switch for each in self.zones if each.switch is not None))
 
 
 class ToolsOfBodies(NamedTuple):
-    """The tools that bodies of a machine file may come with.
+    """Tools that bodies of a machine file may belong to.
 
     Attributes:
-        numbers: that T may name; None: any. spindle: T and M6 fit a cutter in one. cutters: by the position
-            of its section each one's length and diameter [mm].
+        numbers: that T may name; None: any. spindle: T and M6 fit a cutter in one. cutters: length and
+            diameter of each, by index of its section [mm].
     """
 
     numbers: frozenset[int] | None
@@ -253,11 +253,11 @@ def read_clearance(
     *,
     urdf: bool,
 ) -> Clearance | None:
-    """Return what clearance is judged by; None where the file says nothing of it, or something faulty.
+    """Return the bodies and zones to check motion against; None without any, or after a mistake.
 
     Args:
-        letters: by letter the axis that a program means with it. tools: that bodies may come with.
-        urdf: the machine has one, whose links are known where the model is built.
+        letters: axis of each letter in programs. tools: that bodies may belong to.
+        urdf: the machine has one; its links are only known when the model is built.
     """
     if section is None and not bodies and not zones:
         return None
@@ -303,7 +303,7 @@ def read_clearance(
 
 
 def check_switches(zones: Sequence[Zone | None], digital: Container[int], mistakes: Mistakes) -> None:
-    """Refuse zones whose input is not there; ``digital``: numbers of the digital inputs."""
+    """Refuse zones whose input does not exist; ``digital``: numbers of the digital inputs."""
     for position, zone in enumerate(zones):
         if zone is None:
             continue
@@ -320,7 +320,7 @@ def check_switches(zones: Sequence[Zone | None], digital: Container[int], mistak
 
 
 def check_work_systems(zones: Sequence[Zone | None], missing: str, mistakes: Mistakes) -> None:
-    """Refuse zones in a work system; ``missing``: what the machine has none by, empty: it has them."""
+    """Refuse zones in a work system; ``missing``: why the machine has no work systems, empty: it has."""
     for position, zone in enumerate(zones):
         if missing and zone is not None and zone.work is not None:
             hint = "leave it out, and give the place in the base's frame, or in that of what carries it (on)"
@@ -369,7 +369,7 @@ def _check_carrier(body: Body, directions: Container[int], path: TomlPath, mista
 
 
 def _check_tool(body: Body, tools: ToolsOfBodies, path: TomlPath, mistakes: Mistakes) -> None:
-    """Refuse a body whose tool nobody can choose."""
+    """Refuse a body whose tool cannot be selected."""
     if isinstance(body, CutterBody):
         if not tools.spindle:
             hint = 'set profile = "cnc" in [dialect], or give the body a shape and its tool'
@@ -383,7 +383,7 @@ def _check_tool(body: Body, tools: ToolsOfBodies, path: TomlPath, mistakes: Mist
 
 
 def _check_cutters(bodies: Sequence[Body], tools: ToolsOfBodies, mistakes: Mistakes) -> None:
-    """Refuse a tool table by which the cutter's body has no size."""
+    """Refuse a tool table that does not give the cutter's body a size."""
     named = [each for each in bodies if isinstance(each, CutterBody)]
     if not named or not tools.spindle:
         return

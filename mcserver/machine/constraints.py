@@ -8,7 +8,7 @@ from typing import Annotated
 
 from msgspec import Meta
 
-# By which places of a table differ at the least [mm, deg].
+# Least difference of consecutive places in a table [mm, deg].
 LEAST_STEP = 0.001
 
 Limit = Annotated[float, Meta(gt=0.0, description="leave the key out where there is no limit")]
@@ -21,5 +21,5 @@ Count = Annotated[int, Meta(ge=1, le=0xFFFFFFFF)]
 
 
 def ascending(places: Sequence[float]) -> bool:
-    """Return whether the places of a table ascend, each by `LEAST_STEP` or more [mm, deg]."""
+    """Return whether the places of a table ascend by at least `LEAST_STEP` each [mm, deg]."""
     return all(after - before >= LEAST_STEP for before, after in pairwise(places))

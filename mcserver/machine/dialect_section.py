@@ -1,4 +1,4 @@
-"""The dialect that a machine reads: a profile, and its parts one by one."""
+"""``[dialect]``: the dialect of a machine's programs, a profile and overrides of its parts."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from mcserver.units import MM
 Profile = Literal["reference", "cnc", "printer", "robot"]
 
 
-# codes that act by themselves and cannot be given to outputs
+# codes that have an effect of their own and cannot be mapped to outputs
 _OWN = frozenset({*range(3), 6, 30, 60, *range(62, 69), 82, 83, *range(97, 100), 207, 208, 600})
 
 
 class CodeOutput(msgspec.Struct, frozen=True):
-    """What a code does to an output, by its column; ``value`` None: it follows the word S."""
+    """Effect of a code on an output, by column; ``value`` None: it follows the word S."""
 
     column: int
     value: float | None
 
 
 class CodeWait(msgspec.Struct, frozen=True):
-    """What a code waits for: a digital input, by its column, for so long at the most, looked at after [s]."""
+    """Digital input that a code waits for, by column: longest wait, and pause before the first look [s]."""
 
     column: int
     timeout: float
@@ -45,11 +45,11 @@ class Cutter(msgspec.Struct, frozen=True):
 
 
 class Retraction(msgspec.Struct, frozen=True):
-    """What G10 and G11 of a printer do (D-115).
+    """Firmware retraction of a printer by G10 and G11 (D-115).
 
     Attributes:
-        length: that the filament is drawn back [m]. speed: of that [m/s]. hop: that Z goes up then [m].
-        recover_speed: of G11 [m/s]. extra: that G11 pushes beyond ``length`` [m].
+        length: of filament [m]. speed: of retraction [m/s]. hop: lift of Z [m].
+        recover_speed: of G11 [m/s]. extra: filament of G11 beyond ``length`` [m].
     """
 
     length: float
@@ -60,27 +60,27 @@ class Retraction(msgspec.Struct, frozen=True):
 
 
 class Dialect(msgspec.Struct, frozen=True):
-    """What a machine's programs may say; the defaults are the reference's strict dialect.
+    """The dialect of a machine's programs; the defaults are the reference's strict dialect.
 
     Attributes:
-        profile: the family of programs. letters: further axis letters, to axis numbers.
+        profile: family of programs. letters: additional axis letters, to axis numbers.
         auto_capture: the first move of a program energizes its leased axes.
-        ignore: codes and macros that are accepted without effect, besides the profile's own.
-        spindle: axis that M3, M4, M5 and S turn; None: they have no effect.
-        thread_tolerance: how far axes may be from where the spindle's turns have them in a thread [m].
+        ignore: codes and macros accepted without effect, besides the profile's own.
+        spindle: axis turned by M3, M4, M5 and S; None: they have no effect.
+        thread_tolerance: allowed deviation of axes from the spindle's angle in a thread [m].
         dwell_unit: of G04 P [s].
-        tool_change: what M6 does where the tool differs from the one before; "ask": at the first too.
-        outputs: what codes do to outputs, such as ``M8``. waits: what they wait for then.
+        tool_change: effect of M6 if the tool differs from the last one; "ask": also at the first tool.
+        outputs: effect of codes such as ``M8`` on outputs. waits: inputs that they then wait for.
         channels: the machine has inputs or outputs.
-        systems: work coordinate systems that programs start with, number → axis → [m or rad].
-        straight_rapids: G00 goes on a straight line, as fast as its slowest axis; else every axis by itself.
-        subroutines: texts of subprograms of the machine's folder, by name or number.
-        macros: what programs compute in, where they may (D-80, D-91).
-        probes: G38.2 … G38.5 act: the machine has a probe.
-        cutters: the tool table of the machine file, for G43.
-        retraction: what G10 and G11 do until M207 and M208 say otherwise; None: not known.
-        leads: codes of pressure advance act: E has it.
-        mesh_axis: whose mesh G29 probes; None: there is none, and codes of it do not act.
+        systems: initial work coordinate systems of programs, number → axis → [m or rad].
+        straight_rapids: G00 is a straight line, as fast as its slowest axis; else each axis is independent.
+        subroutines: texts of subprograms in the machine's folder, by name or number.
+        macros: the language of programs that compute, if allowed (D-80, D-91).
+        probes: the machine has a probe, and G38.2 … G38.5 act.
+        cutters: tool table of the machine file, for G43.
+        retraction: of G10 and G11 until M207 and M208; None: unknown.
+        leads: E has pressure advance, and its codes act.
+        mesh_axis: axis of the mesh that G29 probes; None: none, and codes of a mesh do not act.
     """
 
     profile: Profile = "reference"
@@ -106,37 +106,37 @@ class Dialect(msgspec.Struct, frozen=True):
 
     @property
     def mapped(self) -> frozenset[str]:
-        """Return the codes that the machine file gives to outputs and inputs."""
+        """Codes that the machine file maps to outputs and inputs."""
         return frozenset({*self.outputs, *self.waits})
 
     @property
     def extruder(self) -> int | None:
-        """Return a printer's axis E, which G10 and G11 retract; None: there is none."""
+        """A printer's axis E, which G10 and G11 retract; None without one."""
         return self.letters.get("E") if self.profile == "printer" else None
 
     @property
     def homed(self) -> frozenset[int]:
-        """Return the axes that G28 and G30 without words move: X to C without spindle and further letters."""
+        """Axes that G28 and G30 without words move: X to C without spindle and additional letters."""
         return frozenset(range(6)) - {*self.letters.values(), self.spindle}
 
     @property
     def reference(self) -> bool:
-        """Return True if the profile is the reference's own, whatever parts are overridden."""
+        """Whether the profile is the reference's own, whatever parts are overridden."""
         return self.profile == "reference"
 
     @property
     def fanuc(self) -> bool:
-        """Return True if codes that controllers read in two ways are meant as on Fanuc's."""
+        """Whether codes with two meanings have the one of Fanuc's controllers."""
         return self.macros == "fanuc"
 
     @property
     def computes(self) -> bool:
-        """Return True if programs may hold expressions, parameters and O-words (D-80)."""
+        """Whether programs may have expressions, parameters and O-words (D-80)."""
         return self.profile == "cnc"
 
     @property
     def strict(self) -> bool:
-        """Return True if programs are read as the reference has it and no other way."""
+        """Whether programs are read exactly by the reference's grammar."""
         widened = self.letters or self.ignore or self.spindle is not None or self.channels or self.probes
         return self.profile == "reference" and not widened
 
@@ -154,9 +154,9 @@ def read_dialect(
     """Return the dialect of ``[dialect]`` and ``[[cutter]]``.
 
     Args:
-        section: None where it is missing or has a mistake. cutters: None where one has a mistake.
-        axes: numbers of the machine's axes. outputs: of the machine. inputs: of it, too.
-        folder: the machine file's; None: it is not on the disk.
+        section: None if missing or faulty. cutters: None for a faulty one.
+        axes: numbers of the machine's axes. outputs, inputs: of the machine.
+        folder: of the machine file; None: it is not on disk.
     """
     table: dict[int, Cutter] = {}
     for position, cutter in enumerate(cutters):
@@ -169,7 +169,7 @@ def read_dialect(
         table[cutter.number] = Cutter(cutter.length_mm * MM, cutter.diameter_mm * MM)
     if section is None:
         return Dialect(cutters=table, channels=bool(inputs or outputs))
-    # U V W are the reference's increments where its words are read
+    # U V W are increments wherever the reference's words are read
     free = "DEHLOQSUVW" if section.profile in ("cnc", "printer") else "DEHLOQS"
     for letter, axis in section.letters.items():
         if len(letter) != 1 or letter not in free:
@@ -220,7 +220,7 @@ def read_dialect(
 
 
 def _read_retraction(section: DialectSection, mistakes: Mistakes) -> Retraction | None:
-    """Return ``[dialect.retraction]`` in SI; None where there is none."""
+    """Return ``[dialect.retraction]`` in SI; None without one."""
     given: RetractionSection | None = section.retraction
     if given is None:
         return None
@@ -242,7 +242,7 @@ def _read_retraction(section: DialectSection, mistakes: Mistakes) -> Retraction 
 def _read_code_outputs(
     section: DialectSection, outputs: Sequence[Output], mistakes: Mistakes
 ) -> dict[str, tuple[CodeOutput, ...]]:
-    """Return ``[dialect.outputs]``: code → what it does to outputs."""
+    """Return ``[dialect.outputs]``: code → its effects on outputs."""
     columns = {output.name: column for column, output in enumerate(outputs)}
     found: dict[str, tuple[CodeOutput, ...]] = {}
     for written, settings in section.outputs.items():
@@ -281,7 +281,7 @@ def _read_code_outputs(
 
 
 def _free_code(written: str, path: tuple[str, str, str], mistakes: Mistakes) -> str | None:
-    """Return an M-code that does nothing by itself as the tables have it; None: a mistake, which is noted."""
+    """Return an M-code without an effect of its own, as in the tables; None after a noted mistake."""
     code = re.fullmatch(r"[Mm]0*([0-9]{1,4})", written)
     if code is None:
         mistakes.add(path, "is not an M-code", "write it as M8")
@@ -295,7 +295,7 @@ def _free_code(written: str, path: tuple[str, str, str], mistakes: Mistakes) -> 
 def _read_code_waits(
     section: DialectSection, inputs: Sequence[Input], mistakes: Mistakes
 ) -> dict[str, CodeWait]:
-    """Return ``[dialect.waits]``: code → what it waits for."""
+    """Return ``[dialect.waits]``: code → input to wait for."""
     columns = {each.name: column for column, each in enumerate(inputs) if each.digital}
     found: dict[str, CodeWait] = {}
     for written, wait in section.waits.items():

@@ -1,9 +1,9 @@
-"""``[axis.drive]`` of the machine file: what every kind of drive has, and what follows from other keys.
+"""``[axis.drive]`` of the machine file: keys of every kind of drive, and values derived from other keys.
 
-Each kind is a type of its own, which answers what others ask of it. Those of drives on a CAN bus are in
-folders of `mcserver.drives` (see `mcserver.machine.families`). How their counts become travel is given in one
-of two ways: ``counts_per_motor_rev`` with the axis's ``units_per_motor_rev``, or ``encoder``, ``gear`` and
-``feed``, the objects 608Fh, 6091h and 6092h of CiA 402. Either way the drive comes out with all three.
+Each kind is a type that answers others' questions about it. Those of drives on a CAN bus are in folders of
+`mcserver.drives` (see `mcserver.machine.families`). Their travel per count is given in one of two ways, and
+completed to both: ``counts_per_motor_rev`` with the axis's ``units_per_motor_rev``, or ``encoder``, ``gear``
+and ``feed``, the objects 608Fh, 6091h and 6092h of CiA 402.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from mcserver.machine.machine_file import Axis
     from mcserver.machine.sections import AxisSection
 
-# Without commands for so long a drive acts by itself, unless the machine file says otherwise [ms, cycles].
+# Default time without commands after which a drive acts by itself [ms, cycles].
 COMMAND_TIMEOUT_MS = 100
 COMMAND_TIMEOUT_CYCLES = 10
-# Two statements of the same travel agree within this share.
+# Share by which two statements of the same travel may differ.
 SAME = 1e-6
 # Inertia of a simulated motor whose file has none [kg·m²].
 SIMULATED_INERTIA = 0.01
@@ -35,22 +35,22 @@ Refusal = Callable[[str, str, str], None]  # key, what, hint
 
 
 class Drive(msgspec.Struct, frozen=True, tag_field="kind", tag="simulated"):
-    """A simulated drive; what a drive on a bus has of it is for its simulation.
+    """A simulated drive; its keys in a drive on a bus are for that drive's simulation.
 
     Attributes:
         initial_position: [mm, deg]. bandwidth_hz: of the servo loop.
         encoder_resolution: [mm, deg], 0: continuous.
-        heartbeat_timeout_s: without setpoints for so long the drive stops. brake: holds without power.
+        heartbeat_timeout_s: time without setpoints after which the drive stops. brake: holds without power.
         friction_decel: [mm/s², deg/s²]. inertia: at the motor [kg·m²]. max_torque: 0: not limited [N·m].
-        home_switch: from where to where the home switch is active, index_at: one place of the encoder's
-            index, of which there is one a turn of the motor, hard_stops: ends of the mechanics; all by the
-            encoder [mm, deg].
-        flexible_hz: the load hangs on the motor by a spring and rings at this, and the encoder reads it; 0:
-            it is rigid. flexible_damping: of that [1].
-        other_kinds_keys_are_idle: keys of other kinds are let pass: a machine is tried without its drives by
-            changing ``kind`` alone. agreed: fields that no key gives.
-        has_inertia: its position is not simply its setpoint. has_switches: the home switch comes with its
-            state. has_pins: its digital inputs and outputs can be the machine's (60FDh, 60FEh).
+        home_switch: range in which the home switch is active, index_at: a position of the encoder's index,
+            which it has once per motor turn, hard_stops: ends of the mechanics; all by the encoder [mm, deg].
+        flexible_hz: natural frequency of the load on a spring at the motor, where the encoder is; 0: rigid.
+            flexible_damping: its damping ratio [1].
+        other_kinds_keys_are_idle: keys of other kinds are ignored, so that a machine can be tried without its
+            drives by changing ``kind`` alone. agreed: fields without a key.
+        has_inertia: its position is not simply its setpoint.
+        has_switches: its state includes the home switch.
+        has_pins: its digital inputs and outputs can be the machine's (60FDh, 60FEh).
     """
 
     initial_position: float = 0.0
@@ -74,26 +74,26 @@ class Drive(msgspec.Struct, frozen=True, tag_field="kind", tag="simulated"):
 
     @property
     def kind(self) -> str:
-        """As the machine file has it."""
+        """Kind as in the machine file."""
         return str(self.__struct_config__.tag)
 
     @property
     def profiled(self) -> bool:
-        """Whether it makes the profiles itself: it goes to points, and follows no path."""
+        """Whether it makes its own profiles: it moves to points, and follows no path."""
         return False
 
     @property
     def homes(self) -> bool:
-        """Whether it can find the reference itself."""
+        """Whether it can home itself."""
         return True
 
     @property
     def takes_torques(self) -> bool:
-        """Whether the torque that the motion needs goes to it beside its targets, or in their place."""
+        """Whether it takes the torque of the motion besides its targets, or instead of them."""
         return False
 
     def has_mode(self, mode: int) -> bool:  # noqa: ARG002
-        """Return whether the machine file has what a `mcserver.drives.bus.DriveMode` needs."""
+        """Return whether the machine file has what a `mcserver.drives.bus.DriveMode` requires."""
         return True
 
     def complete(
@@ -102,15 +102,15 @@ class Drive(msgspec.Struct, frozen=True, tag_field="kind", tag="simulated"):
         cycle_s: float,  # noqa: ARG002
         bad: Refusal,  # noqa: ARG002
     ) -> tuple[Self, float | None]:
-        """Fill in what follows from other keys, and refuse what does not fit together.
+        """Derive values from other keys, and refuse contradictory ones.
 
         Returns:
-            The drive, and ``units_per_motor_rev`` of the axis [mm, deg] as it follows from the section.
+            The drive, and the section's resulting ``units_per_motor_rev`` [mm, deg].
         """
         return self, axis.units_per_motor_rev
 
     def beside(self, folder: Path) -> Self:  # noqa: ARG002
-        """Return the drive with the files that it names found from the machine file's folder."""
+        """Return the drive with file names relative to the machine file's folder resolved."""
         return self
 
 
@@ -121,16 +121,16 @@ class IdealDrive(Drive, frozen=True, tag="ideal"):
 
 
 class CanDrive(Drive, frozen=True, tag="can"):
-    """A drive on a CAN bus, or by CiA 402 on EtherCAT.
+    """A drive on a CAN bus, or with CiA 402 on EtherCAT.
 
     Attributes:
         encoder: increments per motor revolutions (608Fh). gear: motor per shaft revolutions (6091h).
         feed: travel [mm, deg] per shaft revolutions (6092h). invert: the motor turns against the axis.
-        velocity_counts_per_motor_rev: what 60FFh and 606Ch show at one motor turn a second; 0: increments.
-        rated_torque: 1000 ‰ of 6071h and 6077h, or 0 where torques are not used [N·m].
-        command_timeout_ms: without commands for this time the drive acts by itself (1400h:5).
-        synchronous: it acts at SYNC, and its node is watched by heartbeats.
-        borrowed_key: which key gives `borrowed_node`.
+        velocity_counts_per_motor_rev: units of 60FFh and 606Ch per motor turn a second; 0: increments.
+        rated_torque: 1000 ‰ of 6071h and 6077h, or 0 if torques are not used [N·m].
+        command_timeout_ms: time without commands after which the drive acts by itself (1400h:5).
+        synchronous: it acts at SYNC, and its node is monitored by heartbeats.
+        borrowed_key: key of `borrowed_node`.
     """
 
     borrowed_key: ClassVar[str] = "pdo_node"
@@ -165,33 +165,33 @@ class CanDrive(Drive, frozen=True, tag="can"):
         return False
 
     def misplaced(self, bus_kind: str) -> list[tuple[str, str, str]]:
-        """Return what does not fit the kind of its bus: key, what, hint."""
+        """Return keys that do not fit the kind of its bus, as key, what, hint."""
         if bus_kind == "can":
             return []
         return [("bus", f"a {self.kind} drive is on a CAN bus", 'kind = "cia402" is there on EtherCAT too')]
 
     @property
     def usual_timeout_ms(self) -> int:
-        """Of commands [ms]."""
+        """Default time-out of commands [ms]."""
         return COMMAND_TIMEOUT_MS
 
     @property
     def place(self) -> tuple[int, int]:
-        """Its node, and which axis of it."""
+        """Its node, and its axis on that node."""
         return self.node, 0
 
     @property
     def borrowed_node(self) -> int:
-        """The number beside its node's whose COB-IDs it takes; 0: none."""
+        """Node number besides its own whose COB-IDs it uses; 0: none."""
         return 0
 
     def answer_cycles(self, cycle_s: float) -> int:  # noqa: ARG002
-        """Return how many cycles pass from one of its answers to the next, at the most."""
+        """Return the greatest number of cycles between two of its answers."""
         return 1
 
     @classmethod
     def shares(cls, axes: Sequence[Axis], cycle_hz: float) -> list[Share]:
-        """Return what these axes of its kind take of their bus, SYNC and the server's heartbeat apart."""
+        """Return the frames of these axes of its kind on their bus, without SYNC and server heartbeat."""
         raise NotImplementedError
 
     def complete(self, axis: AxisSection, cycle_s: float, bad: Refusal) -> tuple[Self, float | None]:
@@ -216,7 +216,7 @@ class CanDrive(Drive, frozen=True, tag="can"):
 def _travel(
     drive: CanDrive, axis: AxisSection, bad: Refusal
 ) -> tuple[tuple[int, int], tuple[int, int], tuple[float, float], float] | None:
-    """Return encoder, gear, feed, and the travel of a motor turn [mm, deg]; None after a mistake."""
+    """Return encoder, gear, feed, and the travel per motor turn [mm, deg]; None after a mistake."""
     if drive.encoder is not None and drive.counts_per_motor_rev:
         bad("encoder", "contradicts counts_per_motor_rev, which is there too", "give one of them")
         return None

@@ -1,4 +1,4 @@
-"""``gantry`` of an axis: the second drive of another one, whose setpoint it gets."""
+"""``gantry`` of an axis: a second drive that gets the setpoint of its leader."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from mcserver.machine.machine_file import Axis
     from mcserver.machine.tool_section import Tool
 
-# Methods of homing by which two sides square each other, or that move nothing.
+# Homing methods in which two sides square each other, or nothing moves.
 SQUARING = ("switch", "absolute")
 
 
@@ -26,7 +26,7 @@ class GantrySection(msgspec.Struct, frozen=True):
 
     Attributes:
         leader: number of the axis that programs name.
-        max_skew: by which the two sides may differ [mm, deg].
+        max_skew: greatest difference of the two sides [mm, deg].
     """
 
     leader: int
@@ -34,7 +34,7 @@ class GantrySection(msgspec.Struct, frozen=True):
 
 
 class Gantry(msgspec.Struct, frozen=True):
-    """The same in SI: the leader's number, and the greatest skew [m or rad]."""
+    """`GantrySection` in SI: the leader's number, and the greatest skew [m or rad]."""
 
     leader: int
     max_skew: float
@@ -46,7 +46,7 @@ def check_gantries(
     bodies: Sequence[Body | None],
     mistakes: Mistakes,
 ) -> None:
-    """Note second drives that cannot follow: MC090; how a pair is homed: MC091.
+    """Report second drives that cannot follow (MC090), and pairs that cannot be homed together (MC091).
 
     Args:
         axes: by the paths of their sections.
@@ -80,7 +80,7 @@ def check_gantries(
 
 
 def _differences(axis: Axis, leader: Axis) -> list[tuple[str, str]]:
-    """Return keys by which an axis cannot follow its leader, each with its remedy."""
+    """Return keys of an axis that prevent it from following its leader, each with a remedy."""
     found = []
     if axis.type is not leader.type:
         found.append(("type", f'use "{leader.type.value}"'))
@@ -101,7 +101,7 @@ def _differences(axis: Axis, leader: Axis) -> list[tuple[str, str]]:
 
 
 def _wrong_homing(homing: Homing | None, leader: Homing | None) -> tuple[str, str, str] | None:
-    """Return what is wrong with the homing of a pair, its remedy and code; None: nothing."""
+    """Return a fault in the homing of a pair, its remedy and code; None without one."""
     if homing is None or leader is None:
         if homing is leader:
             return None
@@ -110,7 +110,7 @@ def _wrong_homing(homing: Homing | None, leader: Homing | None) -> tuple[str, st
         return "the two indices are not at one place", "leave index out: each side's switch counts", "MC091"
     if homing.method not in SQUARING:
         return f'method = "{homing.method}" does not square a pair', f"use {', '.join(SQUARING)}", "MC091"
-    # each has its own switch and its place
+    # each side has its own switch and position
     same = msgspec.structs.replace(
         homing,
         position=leader.position,

@@ -1,4 +1,4 @@
-"""``[axis.homing]`` and ``[probe]``: how an axis finds its reference, and what trips a probing move."""
+"""``[axis.homing]`` and ``[probe]``: the reference of an axis, and the input that ends a probing move."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ Method = Literal["switch", "index", "hard-stop", "absolute", "drive", "manual"]
 _Positive = Annotated[float, Meta(gt=0.0, description="give a number above 0")]
 _Number = Annotated[int, Meta(ge=0, le=255, description="the number of an [[input]]")]
 
-# What an approach may take beyond the axis's travel, where `travel` is not given.
+# Longest approach, as a multiple of the axis's travel, without `travel`.
 SEARCH_MARGIN = 1.1
-# How far a switch that is active at the start may keep the axis, in back-off distances.
+# Longest way off a switch that is active at the start, in back-off distances.
 RELEASE_BACK_OFFS = 5.0
 
 # The letters that name axes in every dialect.
 LETTERS = MappingProxyType({letter: axis for axis, letter in enumerate("XYZABC")})
 
-# Methods that move the axis by the server's own setpoints, and those that move nothing.
+# Methods that move the axis by the server's setpoints, and those without motion.
 SEARCHING = frozenset({"switch", "index", "hard-stop"})
 STANDING = frozenset({"absolute", "manual"})
 
@@ -36,17 +36,17 @@ class HomingSection(msgspec.Struct, frozen=True):
     """``[axis.homing]`` as written: mm, deg and seconds.
 
     Attributes:
-        method: what the reference is. direction: towards it.
-        velocity: of the search. latch_velocity: of the approach that counts. back_off: between the two.
-        position: what the axis reads at the reference. then_move_to: where it goes once it is homed.
+        method: kind of the reference. direction: towards it.
+        velocity: of the search. latch_velocity: of the final approach. back_off: distance between the two.
+        position: of the axis at the reference. then_move_to: target after homing.
         order: lower numbers first, equal ones together.
-        input: number of the [[input]] that is the switch; None: the drive's own home switch (60FDh bit 2).
-        invert: the drive's own switch is active where its bit is 0.
-        index: after the switch, on to the encoder's index.
-        torque: at which the hard stop is reached [N·m].
+        input: number of the [[input]] with the switch; None: the drive's home switch (60FDh bit 2).
+        invert: the drive's switch is active at 0.
+        index: after the switch, continue to the encoder's index.
+        torque: at which the hard stop counts as reached [N·m].
         travel: longest search; release_travel: longest way off a switch that is active at the start.
-        encoder: "absolute" keeps its reading without power, so a reference holds for good.
-        required: programs move the axis only when it is homed. jog_velocity: highest before that.
+        encoder: "absolute" keeps its reading without power, so that the reference is permanent.
+        required: programs may move the axis only after homing. jog_velocity: highest before that.
     """
 
     method: Method
@@ -69,11 +69,11 @@ class HomingSection(msgspec.Struct, frozen=True):
 
 
 class Homing(msgspec.Struct, frozen=True):
-    """How an axis is homed, in SI.
+    """Homing of an axis, in SI.
 
     Attributes:
-        direction: 1 or -1. position: at the reference [m or rad]; None: what the drive then reads.
-        absolute: the reference outlives a loss of power. The others: as of `HomingSection`.
+        direction: 1 or -1. position: at the reference [m or rad]; None: the drive's reading there.
+        absolute: the reference survives a loss of power. Others as in `HomingSection`.
     """
 
     method: Method
@@ -96,12 +96,12 @@ class Homing(msgspec.Struct, frozen=True):
 
     @property
     def finds(self) -> bool:
-        """Return True if `home` can find the reference; else `reference` has to say where the axis is."""
+        """Whether `home` can find the reference; else `reference` has to set it."""
         return self.method not in STANDING
 
 
 class AxisLimits(msgspec.Struct, frozen=True):
-    """What homing has to know of its axis, in mm or deg; infinite where not limited."""
+    """Limits of an axis that homing depends on, in mm or deg; infinite if not limited."""
 
     low: float
     high: float
@@ -173,7 +173,7 @@ def read_homing(
 def check_inputs(
     switches: Mapping[Path, int], probe: Probe | None, digital: Container[int], mistakes: Mistakes
 ) -> None:
-    """Refuse switches and probes on inputs that are not there: MC033, MC035.
+    """Refuse switches and probes on inputs that do not exist: MC033, MC035.
 
     Args:
         switches: path of the key → number of the input. digital: numbers of the digital inputs.
@@ -245,11 +245,11 @@ def _check_method(section: HomingSection, axis: AxisLimits, bad: Callable[..., N
 
 
 class ProbeSection(msgspec.Struct, frozen=True):
-    """``[probe]``: the input that a touch probe closes.
+    """``[probe]``: the input of a touch probe.
 
     Attributes:
-        input: number of the [[input]]; None: only simulated. invert: it opens on contact.
-        simulated_at: axis letter or number → position of a plane that the probe meets there [mm, deg].
+        input: number of the [[input]]; None: simulated only. invert: the contact opens at the work.
+        simulated_at: axis letter or number → position of a simulated plane of the work [mm, deg].
     """
 
     input: _Number | None = None
@@ -258,7 +258,7 @@ class ProbeSection(msgspec.Struct, frozen=True):
 
 
 class Probe(msgspec.Struct, frozen=True):
-    """The probe of a machine; ``planes``: axis number → position [m or rad] of simulated contact."""
+    """Probe of a machine; ``planes``: axis number → position of simulated contact [m or rad]."""
 
     input: int | None = None
     invert: bool = False
@@ -268,10 +268,10 @@ class Probe(msgspec.Struct, frozen=True):
 def read_probe(
     section: ProbeSection | None, letters: Mapping[str, int], scales: Mapping[int, float], mistakes: Mistakes
 ) -> Probe | None:
-    """Return the probe in SI; mistakes: MC034 no axis of that name, MC035 nothing would trip it.
+    """Return the probe in SI; mistakes: MC034 unknown axis, MC035 nothing would trip it.
 
     Args:
-        letters: axis letters to numbers. scales: SI for 1 mm or deg, of the machine's axes by number.
+        letters: axis letters to numbers. scales: SI for 1 mm or deg, by axis number.
     """
     if section is None:
         return None

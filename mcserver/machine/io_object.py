@@ -1,4 +1,4 @@
-"""Where an input or output of a machine is: an object of a CANopen node, or a bit of an axis's drive."""
+"""Source or target of an input or output: an object of a CANopen node, or a bit of an axis's drive."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ ObjectAddress = Annotated[
     ),
 ]
 
-# Inputs and outputs of a drive (CiA 402): index and subindex; those of a node's next axis are further.
+# Inputs and outputs of a drive (CiA 402), index and subindex; AXIS_OFFSET further for a node's next axis.
 DIGITAL_INPUTS, DIGITAL_OUTPUTS = (0x60FD, 0), (0x60FE, 1)
 AXIS_OFFSET = 0x800
 
-# Width in bits and signedness of objects that a machine file need not describe (CiA 401, CiA 402).
+# Width and sign of objects whose type the machine file may omit (CiA 401, CiA 402).
 _KNOWN_TYPES = {
     0x6000: "u8",
     0x6100: "u16",
@@ -67,8 +67,8 @@ class IoObject(msgspec.Struct, frozen=True):
     """An object of a CANopen node, or one bit of it.
 
     Attributes:
-        bus: name of the bus. bit: None where the whole object is one value.
-        type: of the whole object. axis: whose drive it is, -1: a node of its own.
+        bus: name of the bus. bit: None if the whole object is one value.
+        type: of the whole object. axis: with this drive; -1: a node without a drive.
     """
 
     bus: str
@@ -81,7 +81,7 @@ class IoObject(msgspec.Struct, frozen=True):
 
     @property
     def shown(self) -> str:
-        """Return it as people write it: ``can0 node 5 6000h:01 bit 3``, ``drive of axis 2 bit 17``."""
+        """Return a name for people: ``can0 node 5 6000h:01 bit 3``, ``drive of axis 2 bit 17``."""
         if self.axis >= 0:
             return f"drive of axis {self.axis} bit {self.bit}"
         bit = "" if self.bit is None else f" bit {self.bit}"
@@ -120,10 +120,10 @@ def read_object(
     of_drives: tuple[int, int],
     mistakes: Mistakes,
 ) -> IoObject | None:
-    """Return the object of a source or target in the model; None after a mistake, or if none is named.
+    """Return the object of a source or target; None after a mistake, or if none is given.
 
     Args:
-        known: names of the file's buses; drives by axis. of_drives: index and subindex of a drive's.
+        known: names of the file's buses; drives by axis. of_drives: index and subindex in a drive.
     """
     buses, drives = known
     if section is None:

@@ -1,4 +1,4 @@
-"""The PDOs of nodes with inputs and outputs (CiA 401), as they follow from the machine file.
+"""Derive the PDOs of I/O nodes (CiA 401) from the machine file.
 
 The objects of a node are packed in the order of the file, inputs into TPDOs, outputs into RPDOs.
 """
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 Key = tuple[int, int]  # index, subindex
 
-# What a node is configured to send.
+# Heartbeat period that a node is configured to.
 HEARTBEAT_MS = 100
 _TPDOS = (Function.TPDO1, Function.TPDO2, Function.TPDO3, Function.TPDO4)
 _RPDOS = (Function.RPDO1, Function.RPDO2, Function.RPDO3, Function.RPDO4)
@@ -31,7 +31,7 @@ AT_ONCE = 255
 
 
 def nodes_on(machine: Machine, bus: str) -> list[int]:
-    """Return the numbers of the nodes with inputs or outputs on a bus."""
+    """Return the numbers of a bus's nodes with inputs or outputs."""
     return sorted({each.node for each in _objects(machine) if each.bus == bus})
 
 
@@ -62,7 +62,7 @@ def objects_of(machine: Machine, bus: str, node: int) -> tuple[dict[Key, str], d
 
 
 def own_objects(objects: Iterable[IoObject | None], bus: str, node: int) -> dict[Key, str]:
-    """Return the objects of a node and their types, each once."""
+    """Return a node's objects and their types, each once."""
     return {
         (each.index, each.subindex): each.type
         for each in objects
@@ -92,7 +92,7 @@ def check_nodes(
     drives: Iterable[tuple[Path, int, Drive]],
     mistakes: Mistakes,
 ) -> None:
-    """Refuse nodes of inputs and outputs that are drives, or that have more objects than PDOs hold.
+    """Refuse I/O nodes that are drives, or whose objects do not fit their PDOs.
 
     Args:
         drives: path of the section, number of the axis, drive.

@@ -23,7 +23,7 @@ from mcserver.machine.toml_positions import Path
 if TYPE_CHECKING:
     from mcserver.machine.drive import Drive
 
-# P of M62 to M66 and E of M66 to M68 have room for so many of each kind.
+# Most channels of each kind: range of P in M62 to M66 and of E in M66 to M68.
 MAX_CHANNELS = 64
 
 Level = bool | float
@@ -40,14 +40,14 @@ Name = Annotated[
 
 
 class ScriptSection(msgspec.Struct, frozen=True):
-    """One entry of ``simulated``: the input has this value from a time on."""
+    """One entry of ``simulated``: a value of the input from a time on."""
 
     at_s: Annotated[float, Meta(ge=0.0, description="seconds from the start, 0 or more")]
     value: Level
 
 
 class ChannelSection(msgspec.Struct, frozen=True):
-    """What ``[[input]]`` and ``[[output]]`` have in common."""
+    """Keys that ``[[input]]`` and ``[[output]]`` have in common."""
 
     number: Number
     name: Name
@@ -88,19 +88,19 @@ class OutputSection(ChannelSection, frozen=True):
 
 
 class ScriptedValue(msgspec.Struct, frozen=True):
-    """A simulated input has ``value`` from ``at_s`` on, seconds of the executor's time."""
+    """``value`` of a simulated input from ``at_s`` on, in seconds of the executor's time."""
 
     at_s: float
     value: float
 
 
 class Channel(msgspec.Struct, frozen=True):
-    """What inputs and outputs have in common; values of digital ones are 0 and 1.
+    """Attributes that inputs and outputs have in common; values of digital ones are 0 and 1.
 
     Attributes:
-        number: of its kind, as P (digital) and E (analog) name it.
+        number: within its kind, as P (digital) and E (analog) name it.
         unit, scale, offset: value = raw · scale + offset [unit].
-        invert: a digital one is 1 where its source or target is 0.
+        invert: a digital one is 1 if its source or target is 0.
     """
 
     number: int
@@ -116,10 +116,10 @@ class Input(Channel, frozen=True):
     """One input.
 
     Attributes:
-        debounce: a change has to last so long [s].
-        initial, script: of a simulated one, as the program sees it, before debouncing.
+        debounce: least duration of a change [s].
+        initial, script: of a simulated one, as seen by the program, before debouncing.
         source: None: simulated.
-        hold_below, hold_above, stop_below, stop_above: values beyond which it holds or stops the machine.
+        hold_below, hold_above, stop_below, stop_above: thresholds beyond which it holds or stops the machine.
     """
 
     debounce: float = 0.0
@@ -132,17 +132,17 @@ class Input(Channel, frozen=True):
     stop_above: float = math.inf
 
     def value_of(self, raw: float) -> float:
-        """Return the value that a source's number stands for."""
+        """Convert the source's number to a value."""
         if self.digital:
             return float((raw != 0.0) is not self.invert)
         return raw * self.scale + self.offset
 
     def holds(self, value: float) -> bool:
-        """Return True if this value holds the machine's programs."""
+        """Return whether this value holds the machine's programs."""
         return not self.hold_below <= value <= self.hold_above
 
     def stops(self, value: float) -> bool:
-        """Return True if this value stops the machine."""
+        """Return whether this value stops the machine."""
         return not self.stop_below <= value <= self.stop_above
 
 
@@ -151,9 +151,9 @@ class Output(Channel, frozen=True):
 
     Attributes:
         low, high: least and greatest value [unit].
-        initial: from the start of the executor on. safe: after an emergency stop, and where what has set it
-            is lost; None: it keeps its value.
-        laser: it is 0 wherever the program that has set it does not move along a path (D-77).
+        initial: when the executor starts. safe: after an emergency stop, and if whoever set it is lost; None:
+            it keeps its value.
+        laser: it is 0 while the program that set it does not move along a path (D-77).
         target: None: simulated.
     """
 
@@ -165,7 +165,7 @@ class Output(Channel, frozen=True):
     target: IoObject | None = None
 
     def raw_of(self, value: float) -> float:
-        """Return the number that is written to the target for a value."""
+        """Convert a value to the number for the target."""
         if self.digital:
             return float((value != 0.0) is not self.invert)
         return (value - self.offset) / self.scale
@@ -180,7 +180,7 @@ def read_inputs(
     """Return the inputs of ``[[input]]``, digital ones first, each kind by number.
 
     Args:
-        sections: None where one has a mistake. buses: names of the file's buses. drives: by axis.
+        sections: None for one with a mistake. buses: names of the file's buses. drives: by axis.
     """
     found: list[Input] = []
     for position, section in enumerate(sections):
@@ -236,7 +236,7 @@ def read_outputs(
     """Return the outputs of ``[[output]]``, digital ones first, each kind by number.
 
     Args:
-        sections: None where one has a mistake. inputs: whose names are taken. buses: names of the file's.
+        sections: None for one with a mistake. inputs: whose names are taken. buses: names of the file's.
         drives: by axis.
     """
     found: list[Output] = []
@@ -312,14 +312,14 @@ def _level(value: Level | str, digital: bool, path: Path, mistakes: Mistakes) ->
 
 
 def _threshold(on: bool | None, value: bool, limit: float | None, default: float) -> float:
-    """Return the threshold of an interlock: ``hold_on = true`` is above 0.5, false below."""
+    """Return the threshold of an interlock: ``hold_on = true`` is above 0.5, false below 0.5."""
     if on is not None:
         return 0.5 if on is value else default
     return default if limit is None else limit
 
 
 def _common(section: ChannelSection, path: Path, mistakes: Mistakes) -> dict[str, Any]:
-    """Return the fields of a `Channel`, checked."""
+    """Return the checked fields of a `Channel`."""
     digital = section.kind == "digital"
     if section.scale == 0.0:
         mistakes.add((*path, "scale"), "0 makes every value the same", "give the units of one raw step")

@@ -1,4 +1,4 @@
-"""A digest of a machine file as it was read, with all files that it names; of no folder that they are in."""
+"""Digest of a machine file and all files that it names, independent of their folders."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ import msgspec
 from mcserver.machine.machine_file import Machine
 from mcserver.machine.mesh_files import find_mesh
 
-# keys of a machine whose values are paths: of these files the content counts, and not where they are
+# keys whose values are paths: the files' contents count, not the paths
 _FILES = ("urdf", "srdf", "file", "eds")
 
 
 def canonical_bytes(value: object) -> bytes:
-    """Return bytes that are the same for equal values of structs, mappings, sets, numbers and text."""
+    """Return equal bytes for equal values of structs, mappings, sets, numbers and text."""
     plain = msgspec.to_builtins(value, str_keys=True, order="deterministic")
     return msgspec.msgpack.encode(plain)
 
 
 def machine_digest(machine: Machine) -> str:
-    """Return the SHA-256 of a machine, hexadecimal; of the files that it names their content counts, and
-    where bodies are judged that of its links' meshes.
+    """Return the SHA-256 of a machine, hexadecimal, with the contents of the files that it names, and of its
+    links' meshes if bodies are checked.
 
     Raises:
         OSError: one of them cannot be read.
@@ -44,7 +44,7 @@ def _contents(plain: Any) -> Any:
 
 
 def _content(file: Path) -> str:
-    """Return the SHA-256 of a file; the name of one that is built in."""
+    """Return the SHA-256 of a file; for a built-in one its name."""
     return hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else file.name
 
 
@@ -54,7 +54,7 @@ def _meshes(urdf: Path) -> list[str]:
     try:
         named = ElementTree.parse(urdf).iter("mesh")
     except ElementTree.ParseError:
-        # who loads it says so
+        # whoever loads it reports the fault
         return []
     found = [find_mesh(mesh.get("filename", ""), urdf, ()) for mesh in named]
     return [_content(each) for each in found if each is not None]

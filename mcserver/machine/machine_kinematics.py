@@ -1,4 +1,4 @@
-"""A machine with the kinematics of its tools."""
+"""Build the kinematics of a machine's tools."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ def build_kinematics(machine: Machine) -> MachineKinematics | None:
     """Return the tools' kinematics; None without tools.
 
     Raises:
-        ConfigurationError: MC301 the URDF or a tool's definition does not fit, or Pinocchio is not installed.
+        ConfigurationError: MC301 the URDF contradicts a tool's definition, or Pinocchio is not installed.
     """
     if not machine.tools:
         return None
-    # a machine without tools starts without its solvers
+    # do not load the solvers for a machine without tools
     from mckinematics.solver import MachineKinematics
 
     try:
@@ -31,5 +31,5 @@ def build_kinematics(machine: Machine) -> MachineKinematics | None:
 
 
 def as_configuration_error(error: KinematicsError) -> ConfigurationError:
-    """Return a model that does not fit, as a fault of the machine file."""
+    """Convert a fault of the model to one of the machine file."""
     return ConfigurationError(error.code, error.message, error.hint)

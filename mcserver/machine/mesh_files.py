@@ -1,4 +1,4 @@
-"""The mesh files that a URDF names."""
+"""Find the mesh files that a URDF names."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from pathlib import Path
 
 
 def mesh_names(text: str) -> list[str]:
-    """Return what a URDF's visuals call their meshes, each once, in order."""
+    """Return the mesh names in a URDF's visuals, each once, in order."""
     robot = ElementTree.fromstring(text)
     named = [mesh.get("filename", "") for mesh in robot.iterfind("link/visual/geometry/mesh")]
     return [name for name in dict.fromkeys(named) if name]
 
 
 def find_mesh(written: str, urdf: Path, roots: Sequence[Path]) -> Path | None:
-    """Return the file that a URDF's ``mesh filename`` means, None where it is not found.
+    """Return the file of a URDF's ``mesh filename``; None if it is not found.
 
-    ``package://name/rest`` is looked for in every folder above the URDF, then in ``roots``; a folder counts
-    as the package if it has its name, or holds one that has.
+    ``package://name/rest`` is searched for in every folder above the URDF, then in ``roots``; a folder is the
+    package if it has its name, or contains a folder of that name.
     """
     if written.startswith("file://"):
         written = written.removeprefix("file://")

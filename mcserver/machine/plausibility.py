@@ -1,4 +1,4 @@
-"""Errors and warnings about a machine file that can be read, found before the machine is run."""
+"""Find errors and warnings in a readable machine file before the machine is run."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from mcserver.errors import Diagnostic
 from mcserver.machine.drive import CanDrive
 from mcserver.machine.machine_file import Axis, Machine, axis_name
 
-# What limits a follower needs for each that its leader takes, to be in step by what its cycle lets it be.
+# Ratio of a follower's limits to those that its leader needs of it, for it to synchronize within its cycle.
 GEAR_SPARE = 1.3
-# With so much jerk for each of its leader's it is nearer to its place, by this share of what it is else.
+# At this ratio of jerk limits the follower's error is this share of what it is else.
 GEAR_CALM, CALM_SHARE = 1.5, 0.2
 
 
 def find_doubts(machine: Machine) -> list[Diagnostic]:
-    """Warnings about a machine; what cannot be meant at all is refused when the file is read.
+    """Return warnings about a machine; values that are impossible were refused when the file was read.
 
     Codes::
 
@@ -47,7 +47,7 @@ def _doubts_of_gear(machine: Machine, axis: Axis) -> list[Diagnostic]:
         return []
     leader = machine.axes[machine.column_of(follow.leader)]
     ratio = abs(follow.ratio)
-    # a feed may be lower than the leader's greatest velocity, but acceleration and jerk are used up
+    # not velocity: a feed may be below the leader's greatest, but acceleration and jerk limits are reached
     limits = {"max_acceleration": axis.max_acceleration, "max_jerk": axis.max_jerk}
     doubts = []
     short = [key for key, own in limits.items() if own < GEAR_SPARE * ratio * getattr(leader, key)]
@@ -94,7 +94,7 @@ def _doubts_of_torque(machine: Machine, axis: Axis) -> list[Diagnostic]:
 
 
 def find_tool_faults(machine: Machine) -> list[Diagnostic]:
-    """Everything that does not fit between the machine's tools, its axes and its URDF (MC301).
+    """Return mismatches of the machine's tools, axes and URDF (MC301).
 
     Errors: the machine cannot be used, or Pinocchio is not installed. Warnings: some motions of its tools
     will be refused.
@@ -146,7 +146,7 @@ def _doubts_of_limits(axis: Axis, cycle_s: float) -> list[Diagnostic]:
 
 
 def _resolution(axis: Axis) -> float:
-    """One count of the axis's encoder [m, rad]; 0: continuous."""
+    """Return one count of the axis's encoder [m, rad]; 0: continuous."""
     if isinstance(axis.drive, CanDrive) and axis.drive.encoder is not None:
         increments, turns = axis.drive.encoder
         return axis.travel_per_motor_turn * turns / increments

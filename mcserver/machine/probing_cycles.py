@@ -1,8 +1,8 @@
-"""Probing cycles as programs with numbers asked for: edges, corners, centres, tool length.
+"""Probing cycles as programs with numbers to enter: edges, corners, centres, tool length.
 
-Each goes twice to the work, the second time slowly; what it found sets the work coordinate system in force
-(`G10 L20 P0`), or a tool's length (`G10 L1`). Ways between contacts are at the height where the cycle began.
-A way down is a G38.3: what it meets makes the touch behind it a fault (MC457).
+Each touches the work twice, the second time slowly, and sets the work coordinate system in force (`G10 L20
+P0`) or a tool's length (`G10 L1`). Moves between contacts are at the height at which the cycle began. Moves
+down are G38.3: after a contact in one, the next touch is a fault (MC457).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _ARGUMENTS = (
 )
 _POSITION = {"X": 5420, "Y": 5421, "Z": 5422}
 _CONTACT = {"X": 5061, "Y": 5062, "Z": 5063}
-# the same values by Fanuc's numbers (D-93)
+# Fanuc's numbers of the same values (D-93)
 _IN_MACRO_B = {"#5420": "#5041", "#5421": "#5042", "#5422": "#5043", "#<_abs_z>": "#5023"}
 _HEAD = "G21 G90 G94 F{feed}"
 
@@ -39,7 +39,7 @@ _HEAD = "G21 G90 G94 F{feed}"
 def probing_cycles(machine: Machine) -> tuple[Button, ...]:
     """Return the cycles that a machine's axes allow; X Y Z are the axes 0, 1 and 2.
 
-    There are none without a probe, and outside the profile ``cnc``, as they compute (D-80).
+    Empty without a probe, and outside the profile ``cnc``, as the cycles compute (D-80).
     """
     if machine.probe is None or machine.dialect.profile != "cnc":
         return ()
@@ -80,7 +80,7 @@ def _signed(sign: int) -> str:
 
 
 def _touch(axis: str, sign: int) -> list[str]:
-    """Go to the work, back, and to it again slowly; under G91."""
+    """Touch the work, back off, and touch it again slowly; under G91."""
     to, away = f"{axis}{_signed(sign)}", f"{axis}{_signed(-sign)}"
     return [
         f"G38.2 {to}{{travel}} F{{feed}}",
@@ -91,7 +91,7 @@ def _touch(axis: str, sign: int) -> list[str]:
 
 
 def _surface(axis: str, sign: int) -> str:
-    """Return where the work begins at the last contact: the stylus' radius further on."""
+    """Return the surface position at the last contact: beyond it by the stylus' radius."""
     return f"#{_CONTACT[axis]} {'+' if sign > 0 else '-'} {{diameter}} / 2"
 
 

@@ -1,4 +1,4 @@
-"""Bytes of a program's file to its text, as older CAM systems write them too."""
+"""Decode a program's file, also as older CAM systems write it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import codecs
 
 
 class NoText(ValueError):
-    """A line is of no text file.
+    """A line is not text.
 
     Attributes:
         line, column: of its first byte 0, from 1.
@@ -19,17 +19,18 @@ class NoText(ValueError):
 
 
 def text_of_bytes(content: bytes) -> str:
-    """Return a file's text, without a byte order mark (`text_of_lines`). Raises NoText."""
+    """Return a file's text, without a byte order mark (`text_of_lines`). Raises `NoText`."""
     return text_of_lines(content.removeprefix(codecs.BOM_UTF8))
 
 
 def text_of_lines(content: bytes, *, strict: bool = True) -> str:
-    """Decode whole lines, each by itself, so that blocks of a file give the text of the whole (D-01).
+    """Decode complete lines one by one, so that blocks of a file give the same text as the whole (D-01).
 
-    A line is UTF-8, else Windows' Latin-1, as older CAM systems write comments; code is ASCII in both.
+    A line that is not UTF-8 is Windows' Latin-1, in which older CAM systems write comments; code is ASCII in
+    both.
 
     Raises:
-        NoText: of a strict one: a line that is no UTF-8 has a byte 0, which no text has.
+        NoText: if strict, for a line that is not UTF-8 and has a byte 0, which text never has.
     """
     try:
         return content.decode("utf-8")

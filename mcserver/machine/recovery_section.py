@@ -1,4 +1,4 @@
-"""``[recovery]``: how axes come to where a program goes on in its middle."""
+"""``[recovery]``: how axes move to the point where a program resumes in its middle."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ class RecoverySection(msgspec.Struct, frozen=True):
     """``[recovery]`` as written.
 
     Attributes:
-        safe_axis, safe_position: this axis goes here first [mm, deg], and to its place last.
-        approach_velocity: of the safe axis, and of all moves without one [mm/s]; rotary axes, and all where
-            it is left out: a tenth of the axis's limit.
-        order: groups of axes, each moved once the one before has arrived; axes that are not named come last.
-        settle_s: wait so long once outputs or the spindle were switched.
+        safe_axis, safe_position: this axis moves here first [mm, deg], and to its target last.
+        approach_velocity: of the safe axis, and of all moves without one [mm/s]; for rotary axes, and by
+            default, a tenth of the axis's limit.
+        order: groups of axes, each moved after the one before has arrived; other axes come last.
+        settle_s: wait after outputs or the spindle were switched.
     """
 
     safe_axis: AxisIndex | None = None
@@ -35,7 +35,7 @@ class RecoverySection(msgspec.Struct, frozen=True):
 
 
 class Recovery(msgspec.Struct, frozen=True):
-    """The same in SI; ``safe_axis`` None: the machine names no safe height."""
+    """`RecoverySection` in SI; ``safe_axis`` None: the machine has no safe height."""
 
     safe_axis: int | None = None
     safe_position: float = 0.0
@@ -47,7 +47,7 @@ class Recovery(msgspec.Struct, frozen=True):
 def read_recovery(
     section: RecoverySection | None, axes: Mapping[int, Axis], mistakes: Mistakes
 ) -> Recovery | None:
-    """Return the section in SI, checked against the machine's axes; None where it is missing or faulty."""
+    """Return the section in SI, checked against the machine's axes; None if missing or faulty."""
     if section is None:
         return None
     if (section.safe_axis is None) != (section.safe_position is None):

@@ -1,4 +1,4 @@
-"""From the values of a TOML text to sections (msgspec Structs): every mistake at once, each with its path."""
+"""Convert values of a TOML text to sections (msgspec Structs), with every mistake and its path."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mcserver.machine.toml_positions import Path, find_positions, position_of
 
 
 class Mistakes:
-    """Gathers the mistakes of one machine file.
+    """Collects the mistakes of one machine file.
 
     Args:
         text: of the file, for lines and columns. source: its name.
@@ -27,14 +27,14 @@ class Mistakes:
         self._found: list[tuple[str, Path, str, str]] = []
 
     def add(self, path: Path, what: str, hint: str, code: str = "MC004") -> None:
-        """Note a mistake; MC003: a key or a type that does not fit, MC004: a value that does not."""
+        """Add a mistake; MC003: an unknown key or a wrong type, MC004: a wrong value."""
         self._found.append((code, path, what, hint))
 
     def raise_if_any(self) -> None:
-        """Raise all mistakes together.
+        """Raise if there is any mistake.
 
         Raises:
-            MachineFileRejected: with a diagnostic for each, in the order of their places.
+            MachineFileRejected: with a diagnostic for each, in the order of the text.
         """
         if not self._found:
             return
@@ -57,7 +57,7 @@ class Mistakes:
 
 
 class MachineFileRejected(ConfigurationError):
-    """A machine file with mistakes; ``diagnostics`` has all of them, code and hint are those of the first."""
+    """A machine file with mistakes: all in ``diagnostics``; code and hint are those of the first."""
 
     def __init__(self, source: str, text: str, diagnostics: Iterable[Diagnostic]) -> None:
         self.diagnostics = tuple(diagnostics)
@@ -69,19 +69,19 @@ class MachineFileRejected(ConfigurationError):
 
 
 def did_you_mean(written: str, known: Iterable[str], otherwise: str) -> str:
-    """Return a hint that names what is known and nearest to what was written, else ``otherwise``."""
+    """Return a hint that names the known value nearest to what was written, else ``otherwise``."""
     near = difflib.get_close_matches(written, list(known), n=1, cutoff=0.5)
     return f"did you mean {near[0]!r}?" if near else otherwise
 
 
 def shown_path(path: Path) -> str:
-    """Return a path as people write it, such as ``axis[0].drive.kind``."""
+    """Return a path for people, such as ``axis[0].drive.kind``."""
     shown = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
     return shown.removeprefix(".") or "the file"
 
 
 def read_section(value: object, kind: Any, path: Path, mistakes: Mistakes) -> Any:
-    """Convert a value to the annotated type of its key; None where it, or anything in it, does not fit.
+    """Convert a value to the annotated type of its key; None if any part of it is wrong.
 
     Args:
         kind: a Struct, a union of Structs with one ``tag_field``, a list of these, or a type with msgspec's
@@ -132,10 +132,10 @@ def read_keys(
         struct: whose keys they are. kinds: the Structs of its union.
 
     Returns:
-        By the names of the struct's fields: what is given, and None for what does not fit or is missing.
+        By field name of the struct: the given value, or None if it is wrong or missing.
     """
     tag_field = struct.__struct_config__.tag_field
-    agreed = getattr(struct, "agreed", ())  # fields that no key gives
+    agreed = getattr(struct, "agreed", ())  # fields without a key
     fields = {
         field.encode_name: field for field in msgspec.structs.fields(struct) if field.name not in agreed
     }
@@ -169,7 +169,7 @@ def _refuse_key(
 
 
 def _floats(value: object) -> Iterator[float]:
-    """Yield the numbers of a value, those of lists in lists too."""
+    """Yield the numbers in a value, including those in nested lists."""
     if isinstance(value, float):
         yield value
     elif isinstance(value, list):
@@ -227,7 +227,7 @@ def _unannotated(kind: Any) -> tuple[Any, str]:
     bare, *metas = get_args(kind)
     hints = [meta.description for meta in metas if isinstance(meta, msgspec.Meta) and meta.description]
     if get_origin(bare) in (list, tuple, dict):
-        # constraints of elements count as constraints too
+        # constraints of a list's elements count too
         bare = get_origin(bare)
     return bare, hints[0] if hints else ""
 

@@ -1,6 +1,6 @@
-"""The tables of a machine file as written: mm, degrees and seconds; allowed values as msgspec's constraints.
+"""Tables of a machine file as written: mm, degrees and seconds; allowed values are msgspec constraints.
 
-The ``description`` of a constraint is the hint that a mistake shows.
+The ``description`` of a constraint is the hint of a mistake.
 """
 
 from __future__ import annotations
@@ -121,11 +121,11 @@ class KinematicsSection(msgspec.Struct, frozen=True):
 
 
 class PayloadSection(msgspec.Struct, frozen=True):
-    """``payload`` of a tool: what it weighs, itself and what it holds.
+    """``payload`` of a tool: mass of the tool and of what it holds.
 
     Attributes:
-        mass: [kg]. center_mm: of mass, in the axes of the tool's frame. inertia: about the centre, ixx, iyy,
-            izz, ixy, ixz, iyz [kg·m²]; a point mass without it.
+        mass: [kg]. center_mm: of mass, in the axes of the tool's frame. inertia: about that centre, ixx, iyy,
+            izz, ixy, ixz, iyz [kg·m²]; by default of a point mass.
     """
 
     mass: Annotated[float, Meta(ge=0.0, description="give kg, 0 for nothing")]
@@ -137,8 +137,8 @@ class ToolSection(msgspec.Struct, frozen=True):
     """``[[tool]]``: one end effector of the URDF.
 
     Attributes:
-        posture: where its axes had best be, where a pose leaves a choice [mm, deg].
-        work: frame in which its poses are, such as a rotary table; the chain goes from it to ``frame``.
+        posture: preferred positions of its axes, if a pose has several solutions [mm, deg].
+        work: frame of its poses, such as a rotary table; the chain goes from it to ``frame``.
     """
 
     number: Annotated[int, Meta(ge=0, description="number each tool once, from 0")]
@@ -153,7 +153,7 @@ class ToolSection(msgspec.Struct, frozen=True):
 
 
 class BusSection(msgspec.Struct, frozen=True):
-    """``[[bus]]``; without an address or an interface the name is one."""
+    """``[[bus]]``; its name is the address or interface by default."""
 
     name: Annotated[str, Meta(min_length=1, description="name each bus once")]
     kind: Literal["can", "ethercat"] = "can"
@@ -171,7 +171,7 @@ class BusSection(msgspec.Struct, frozen=True):
 
 
 class CodeWaitSection(msgspec.Struct, frozen=True):
-    """``[dialect.waits]``: the digital input that has to be on before the program goes on behind a code."""
+    """``[dialect.waits]``: the digital input that has to be on before the program continues after a code."""
 
     input: str
     for_s: Annotated[float, Meta(gt=0.0, le=86_400.0, description="the longest, then it is a fault")]
@@ -179,7 +179,7 @@ class CodeWaitSection(msgspec.Struct, frozen=True):
 
 
 class RetractionSection(msgspec.Struct, frozen=True):
-    """``[dialect.retraction]``: what G10 and G11 of a printer do [mm, mm/s]."""
+    """``[dialect.retraction]``: retraction by G10 and G11 of a printer [mm, mm/s]."""
 
     length_mm: Annotated[float, Meta(ge=0.0, le=1000.0, description="0.5 to 6 is usual")]
     speed: Annotated[float, Meta(gt=0.0, description="25 to 60 mm/s is usual")]
@@ -189,7 +189,7 @@ class RetractionSection(msgspec.Struct, frozen=True):
 
 
 class DialectSection(msgspec.Struct, frozen=True):
-    """``[dialect]``: a profile, and keys that each override a part of it."""
+    """``[dialect]``: a profile, and overrides of its parts."""
 
     profile: Literal["reference", "cnc", "printer", "robot"] = "reference"
     letters: dict[str, int] = {}
@@ -216,7 +216,7 @@ class CutterSection(msgspec.Struct, frozen=True):
 
 
 class RecorderSection(msgspec.Struct, frozen=True):
-    """``[recorder]``: the black box of the last minutes, and the folder of recordings."""
+    """``[recorder]``: the black box of the last minutes, and the folder for recordings."""
 
     enabled: bool = True
     minutes: Annotated[float, Meta(gt=0.0, le=120.0, description="5 is usual")] = 5.0

@@ -1,9 +1,9 @@
-"""``shaper`` of an axis: impulses that leave no vibration of a flexible axis behind, and what they cost.
+"""``shaper`` of an axis: input shaping against residual vibration of a flexible axis, and its costs.
 
-The shaped position is a mean of past setpoints with weights that are not negative: velocity, acceleration,
-jerk and travel hold for it as they hold for what comes in. Impulses are those of Singer and Seering (ZV),
-Singhose, Seering and Singer (EI and two-hump EI, for 5 % of residual vibration) and of Klipper (MZV). The
-smooth one is a mean of a mean: a trapezoid.
+The shaped position is a mean of past setpoints with weights that are not negative, so that limits of
+velocity, acceleration, jerk and travel hold for it as for the setpoints. Impulses are those of Singer and
+Seering (ZV), Singhose, Seering and Singer (EI and two-hump EI, for 5 % of residual vibration) and of Klipper
+(MZV). The smooth one is a mean of a mean: a trapezoid.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from mcserver.units import AxisType
 if TYPE_CHECKING:
     from mcserver.machine.machine_file import Axis
 
-# Residual vibration that EI and 2HEI are made for [1].
+# Residual vibration that EI and 2HEI are designed for [1].
 RESIDUAL = 0.05
 # The executor keeps accelerations to this multiple of their limits where a rate changes.
 ACCELERATION_SLACK = 1.01
-# A shaper is at most so many cycles long: what the executor keeps of each axis.
+# Longest shaper [cycles]: the history that the executor keeps of each axis.
 MAX_CYCLES = 1000
 
-# Periods over which the smooth one takes its two means: the shortest that leave `RESIDUAL` at ±10 % of the
-# frequency with any damping. So many parts that it is smooth in cycles, too.
+# Periods of the two means of the smooth shaper: the shortest that leave `RESIDUAL` at ±10 % of the frequency
+# with any damping; and its number of impulses, enough to be smooth in cycles.
 SMOOTH_LONG, SMOOTH_SHORT, SMOOTH_PARTS = 1.03, 0.59, 1000
 
 ShaperType = Literal["zv", "mzv", "ei", "2hei", "smooth"]
@@ -43,7 +43,7 @@ class Shaper(msgspec.Struct, frozen=True):
     """``shaper`` as written.
 
     Attributes:
-        frequency_hz: at which the axis rings. damping: of that, as a ratio.
+        frequency_hz: natural frequency of the axis. damping: its damping ratio.
     """
 
     type: ShaperType
@@ -51,12 +51,12 @@ class Shaper(msgspec.Struct, frozen=True):
     damping: Damping = 0.1
 
     def impulses(self) -> tuple[tuple[float, float], ...]:
-        """Return times, from 0 [s], and weights, which sum to 1."""
+        """Return times [s], from 0, and weights, whose sum is 1."""
         root = math.sqrt(1.0 - self.damping**2)
         period = 1.0 / (self.frequency_hz * root)
 
         def decay(periods: float) -> float:
-            """Return how much a vibration decays in a time."""
+            """Return the decay of a vibration in a time."""
             return math.exp(-2.0 * math.pi * self.damping / root * periods)
 
         if self.type == "zv":
@@ -82,7 +82,7 @@ class Shaper(msgspec.Struct, frozen=True):
         return tuple((at * period, weight / whole) for (at, _), weight in zip(parts, weights, strict=True))
 
     def residual(self, frequency_hz: float, damping: float) -> float:
-        """Return what it leaves of a vibration, as a share of that without it, behind its last impulse."""
+        """Return the vibration after its last impulse, as a share of that without the shaper."""
         omega, root = 2.0 * math.pi * frequency_hz, math.sqrt(1.0 - damping**2)
         impulses = self.impulses()
         end = impulses[-1][0]
@@ -94,23 +94,24 @@ class Shaper(msgspec.Struct, frozen=True):
         )
 
     def mean_s(self) -> float:
-        """Return by how much it delays the path [s]."""
+        """Return its mean delay of the path [s]."""
         return math.fsum(at * weight for at, weight in self.impulses())
 
 
 class Shaping(msgspec.Struct, frozen=True):
-    """The shapers of a machine in cycles. Every axis that follows a path has the same mean delay.
+    """Shapers of a machine, in cycles. All axes that follow a path have the same mean delay.
 
     Attributes:
-        delay: mean delay of them all [cycles].
-        weights: by column, of the setpoint 0, 1, 2, … cycles ago; of an axis without a shaper 1, ``delay``
-            ago; of one whose drive makes its profiles itself 1, at once.
-        deviations: by column, how far the shaped position may be from the delayed one at the most [m or rad].
-        speed_changes: by column, by how much its velocity may differ from the delayed one [m/s or rad/s].
-        path_deviation: how far a path may be left by that [m]; a degree counts as a millimetre.
-        tools: ``weights`` with a tool in the spindle, by its number; with any other they are as above. The
-            figures beside hold with every tool.
-        lead: of a printer's E besides, which is in its figures; None: it is not led.
+        delay: mean delay [cycles].
+        weights: by column, of the setpoint 0, 1, 2, … cycles ago; without a shaper 1 at ``delay``; for a
+            drive that makes its own profiles 1 at 0.
+        deviations: by column, greatest distance of the shaped position from the delayed one [m or rad].
+        speed_changes: by column, greatest difference of the shaped velocity from the delayed one [m/s or
+            rad/s].
+        path_deviation: resulting deviation from a path [m]; a degree counts as a millimetre.
+        tools: ``weights`` with a tool in the spindle, by its number; others have those above. The figures
+            hold with every tool.
+        lead: pressure advance of a printer's E, included in its figures; None without one.
     """
 
     delay: int
@@ -123,32 +124,32 @@ class Shaping(msgspec.Struct, frozen=True):
 
     @property
     def length(self) -> int:
-        """Cycles from the end of what comes in to the end of what goes out."""
-        # of the flow in the last cycle of a motion nothing is left in the one behind
+        """Cycles from the end of the setpoints to the end of the shaped ones."""
+        # one more cycle: the flow of a motion's last cycle is gone only in the next one
         lead = 0 if self.lead is None else len(self.lead.weights) + 1
         return max(lead, *(len(each) for kinds in self.kinds for each in kinds)) - 1
 
     @property
     def kinds(self) -> tuple[tuple[tuple[float, ...], ...], ...]:
-        """By column, its weights without a tool and with each of ``tools``."""
+        """By column, weights without a tool and with each of ``tools``."""
         return tuple(zip(self.weights, *self.tools.values(), strict=True))
 
     @classmethod
     def of(cls, axes: Sequence[Axis], cycle_s: float) -> Shaping | None:
-        """Return the shaping of a machine's axes; None where drives get what is ordered.
+        """Return the shaping of a machine's axes; None if drives get the setpoints unchanged.
 
-        That is where no axis has a shaper, none follows another one besides, and none is led.
+        That is if no axis has a shaper, superimposed motion, or pressure advance.
         """
         tools = sorted({tool for axis in axes for tool in axis.tool_shapers})
-        # one delay with all tools: a change of weights at rest moves nothing
+        # the same delay for all tools, so that a change of weights at rest moves nothing
         shapers = [[axis.tool_shapers.get(tool, axis.shaper) for tool in (0, *tools)] for axis in axes]
         means = [each.mean_s() / cycle_s for kinds in shapers for each in kinds if each is not None]
         led = [axis.pressure_advance for axis in axes if axis.pressure_advance is not None]
-        # the flow is smoothed about the path
+        # the smoothing of the flow is centred on the delayed path
         means += [float(each.half(cycle_s)) for each in led]
         if not means and not any(axis.superimposed for axis in axes):
             return None
-        # a whole number, so that axes without a shaper are delayed exactly
+        # whole cycles, so that axes without a shaper are delayed exactly
         delay = math.ceil(max(means, default=0.0) - 1e-9)
         weights, deviations, changes, path = [], [], [], 0.0
         for axis, own in zip(axes, shapers, strict=True):
@@ -162,7 +163,7 @@ class Shaping(msgspec.Struct, frozen=True):
             scale = 1.0 if axis.type is AxisType.LINEAR else 1e-3 / axis.type.si_per_unit
             path += (scale * deviations[-1]) ** 2
             if axis.pressure_advance is not None:
-                # beside the path's own: E is where it was ordered wherever nothing flows
+                # not in the path's deviation: without flow E is at its setpoint
                 deviations[-1] += axis.pressure_advance.offset
                 changes[-1] += axis.pressure_advance.velocity
             weights.append(kinds)
@@ -173,12 +174,12 @@ class Shaping(msgspec.Struct, frozen=True):
 
 
 def _moment(weights: Sequence[float], delay: int, order: int) -> float:
-    """Return the absolute central moment of weights about the delay [cycles to the order]."""
+    """Return the absolute central moment of weights about the delay [cycles to the power of the order]."""
     return math.fsum(weight * abs(at - delay) ** order for at, weight in enumerate(weights))
 
 
 def _weights(shaper: Shaper | None, delay: int, cycle_s: float) -> tuple[float, ...]:
-    """Return weights by cycles of delay; an impulse between two is shared by them, which keeps the mean."""
+    """Return weights by cycle of delay; an impulse between two cycles is split so that the mean stays."""
     if shaper is None:
         return (*[0.0] * delay, 1.0)
     lead = delay - shaper.mean_s() / cycle_s
@@ -201,7 +202,8 @@ def check_shapers(
     tolerance: float,
     mistakes: Mistakes,
 ) -> Shaping | None:
-    """Return the shaping of a machine, in the order of its axes' numbers; note shapers that it cannot have.
+    """Return the shaping of a machine in the order of its axes' numbers; report shapers that are not
+    possible.
 
     Args:
         axes: by the paths of their sections. tool_axes: joints of tools. profile: of its programs.

@@ -1,4 +1,4 @@
-"""The folder of subprograms that programs may call by name (D-83, D-91)."""
+"""Read the folder of subprograms that programs may call by name (D-83, D-91)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from mcserver.machine.section_reader import Mistakes
 
 SUFFIXES = (".ngc", ".nc")
 MOST_FILES = 200
-# of all files together: they are part of what a machine is, and of what an approval rests on
+# of all files together: they are part of the machine's digest, which approvals refer to
 MOST_BYTES = 1 << 20
 _FOLDER = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_. -]*(?:/[A-Za-z0-9_-][A-Za-z0-9_. -]*)*\Z")
 _NAME = re.compile(r"[a-z0-9_-]{1,64}\Z")
@@ -19,10 +19,10 @@ _PATH = ("dialect", "subroutines")
 
 
 def read_subroutines(written: str, folder: Path | None, mistakes: Mistakes) -> dict[str, str]:
-    """Return texts of subprograms by name, or by number without zeros ahead; as they are now.
+    """Return the present texts of subprograms by name, or by number without leading zeros.
 
     Args:
-        written: the folder, as the machine file names it; empty: there is none. folder: the machine file's.
+        written: folder as in the machine file; empty: none. folder: the machine file's.
     """
     if not written:
         return {}

@@ -1,4 +1,4 @@
-"""Lines and columns of the keys of a TOML text, which tomllib does not give."""
+"""Find lines and columns of the keys of a TOML text, which tomllib does not give."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _TOKEN = re.compile(
 
 
 class Position(NamedTuple):
-    """A place in a text; line and column (code points) from 1, the end exclusive."""
+    """A range in a text; line and columns (code points) from 1, end exclusive."""
 
     line: int
     column: int
@@ -25,7 +25,7 @@ class Position(NamedTuple):
 
 
 def find_positions(text: str) -> Mapping[Path, Position]:
-    """Return where each key, table and array element stands, by paths such as ``("axis", 0, "type")``.
+    """Return the position of each key, table and array element, by paths such as ``("axis", 0, "type")``.
 
     Args:
         text: TOML that `tomllib` accepts.
@@ -34,7 +34,7 @@ def find_positions(text: str) -> Mapping[Path, Position]:
 
 
 def position_of(positions: Mapping[Path, Position], path: Path) -> Position | None:
-    """Return the place of a path, or of the nearest table around it where the file does not have it."""
+    """Return the position of a path, or of the nearest enclosing table if the file does not have it."""
     for length in range(len(path), 0, -1):
         if path[:length] in positions:
             return positions[path[:length]]
@@ -42,7 +42,7 @@ def position_of(positions: Mapping[Path, Position], path: Path) -> Position | No
 
 
 class _Scanner:
-    """Walks the tokens of a text once; recursion goes as deep as the text's brackets."""
+    """Walks the tokens of a text once; recursion is as deep as the text's brackets."""
 
     def __init__(self, text: str) -> None:
         self.positions: dict[Path, Position] = {}

@@ -1,4 +1,4 @@
-"""Work coordinate systems: their codes, numbered from 1, and the angle by which one is turned."""
+"""Work coordinate systems: codes, numbers from 1, and the angle of a rotated one."""
 
 from __future__ import annotations
 
@@ -11,5 +11,5 @@ WORK_SYSTEMS: tuple[WorkSystem, ...] = get_args(WorkSystem)
 SYSTEM_NUMBERS: Mapping[str, int] = MappingProxyType(
     {code: number for number, code in enumerate(WORK_SYSTEMS, start=1)}
 )
-# in place of an axis: the angle about Z by which X and Y of a work system are turned (G10 L2 R) [rad]
+# key instead of an axis: angle about Z by which a work system is rotated (G10 L2 R) [rad]
 ANGLE = -1

@@ -1,1 +1,1 @@
-"""Expressions, parameters and O-words of RS274/NGC: programs that compute become plain lines (D-80)."""
+"""Expressions, parameters and O-words of RS274/NGC: expand programs that compute to plain lines (D-80)."""

@@ -1,7 +1,7 @@
-"""Expand a program that computes to plain lines, which the interpreter reads, as it runs (D-83).
+"""Expand a program that computes, while it runs, to plain lines for the interpreter (D-83).
 
-Lines of blocks of O-words and of subprograms have the number of the line in the main program from which they
-run: so the line numbers of what moves never fall, and a line is done when all that it runs has ended.
+Lines in blocks of O-words and in subprograms carry the number of the main program's line that runs them. So
+the line numbers of motion never decrease, and a line is done when everything that it runs has ended.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ from mcserver.gcode.text.parser import ParsedLine
 from mcserver.gcode.text.source import split_lines
 from mcserver.motion.canonical import Canonical
 
-# Steps of one program: an endless loop is found.
+# Steps that one program may take; more are an endless loop.
 MOST_STEPS = 1_000_000
-# Steps between two looks at what else is to be done.
+# Steps per call of `Expansion.next`, so that the caller can serve others in between.
 BITE = 500
-# Calls within calls.
+# Depth of nested calls.
 DEEPEST_CALL = 30
 # Lines of all subprograms together.
 MOST_SUBPROGRAM_LINES = 100_000
@@ -50,7 +50,7 @@ _ENDLESS_HINT = (
 
 
 class Frame:
-    """A routine under way: the next instruction, and what its repetitions still have to do."""
+    """A routine that runs: its next instruction, and the turns left of its repeat loops."""
 
     __slots__ = ("at", "left", "routine")
 
@@ -61,17 +61,17 @@ class Frame:
 
 
 class Expansion:
-    """The lines of one program, expanded.
+    """Expands one program.
 
-    Lines are taken one by one (`take`); while it is `running`, `next` gives plain lines to be interpreted.
+    `take` accepts one line at a time; while `running`, `next` returns plain lines to interpret.
 
     Args:
-        interpreter: of the program; what is computed may ask for its state.
-        source: where values come from that are measured as the program runs.
+        interpreter: of the program; expressions may read its state.
+        source: of values that are measured while the program runs.
 
     Attributes:
-        head: line of the main program whose block is gathered or runs, 0: none.
-        through: the last line that was taken and, where it belongs to a block, has ended.
+        head: line of the main program at which the block that is collected or running begins; 0: none.
+        through: last line that was taken and is complete, with its block if it belongs to one.
         assumed: what a check has assumed, in words, and the line.
     """
 
@@ -87,13 +87,13 @@ class Expansion:
         self.head = 0
         self.through = 0
         self._compiler: BlockCompiler | None = None
-        # of a check: the block has a faulty O-word
+        # in a check: the block being collected has a faulty O-word
         self._broken = False
         self._frames: list[Frame] = []
         self._ready: ParsedLine | None = None
         self._due: list[Setting] = []
         self._line = 0
-        # of the line that was given last, taken or not
+        # number of the line last passed to `take`, accepted or not
         self._given_number = 0
         self._steps = 0
         self._said: set[tuple[str, int, int]] = set()
@@ -102,7 +102,7 @@ class Expansion:
             self._restore(kept)
 
     def _restore(self, kept: ComputedState) -> None:
-        """Go on as `kept` was."""
+        """Restore parameters and subprograms from a saved state."""
         for number, text in sorted(kept.subprograms.items()):
             self._compute(text, number)
         self._parameters = self._table(kept)
@@ -115,21 +115,21 @@ class Expansion:
 
     @property
     def idle(self) -> bool:
-        """Whether the next line of the text is read as it stands: no block is gathered, none runs."""
+        """Whether the next line can be read without expansion: no block is being collected or running."""
         return not self.head and self._ready is None and not self._frames
 
     @property
     def running(self) -> bool:
-        """Whether `next` has more to give before another line is taken."""
+        """Whether `next` has to be called before the next `take`."""
         return self._ready is not None or bool(self._frames)
 
     @property
     def in_block(self) -> bool:
-        """Whether a block runs: what it has done cannot be taken back."""
+        """Whether a block is running, whose effects cannot be undone."""
         return bool(self._frames) and self.head > 0
 
     def kept(self) -> ComputedState | None:
-        """Return the parameters and subprograms between two lines of the main program; None: there are none.
+        """Return parameters and subprograms, between two lines of the main program; None if there are none.
 
         Raises:
             ProgramRejected: MC167 a block is not closed here.
@@ -151,7 +151,7 @@ class Expansion:
     # ------------------------------------------------------------ text
 
     def passed(self, texts: Sequence[str], number: int) -> None:
-        """Note lines that were read without being taken, the first of them is ``number``."""
+        """Note lines that were read without `take`; the first is line ``number``."""
 
     def take(self, text: str, number: int) -> None:
         """Take the next line; not while it is `running`.
@@ -182,7 +182,7 @@ class Expansion:
                 raise self._rejected(compiler.unclosed(), head)
 
     def drop(self) -> None:
-        """Forget what is gathered or runs; nothing of a line under way is set."""
+        """Discard the block that is collected or running; the current line sets no parameters."""
         self._compiler, self._broken, self._ready = None, False, None
         self._frames.clear()
         self._due.clear()
@@ -198,7 +198,7 @@ class Expansion:
             self.through = number
 
     def _compute(self, text: str, number: int) -> bool:
-        """Take a line; False where it has to be read as it stands."""
+        """Accept a line that computes; return False for a plain line."""
         statement = read_statement(text, number) if may_be_statement(text) else None
         if self._compiler is not None:
             self._gather(text, number, statement)
@@ -258,14 +258,14 @@ class Expansion:
 
     @property
     def _counted(self) -> int:
-        """Line of the main program that what runs counts as."""
+        """Line number of the main program under which the running line counts."""
         return self.head or self._line
 
     def next(self) -> ParsedLine | Unsettled | None:
-        """Return the next plain line; None: there is none now, and more only while it is `running`.
+        """Return the next plain line; None if there is none now, and while `running` ask again.
 
-        Of a line that was given before it is taken that it has been interpreted. `Unsettled`: the motion
-        before has to end first; then the same line is asked for again.
+        The line returned before counts as interpreted. `Unsettled`: the motion so far has to end first;
+        the next call then tries the same line again.
 
         Raises:
             ProgramRejected: MC116, MC162 … MC165, MC168; a check may go on.
@@ -293,7 +293,7 @@ class Expansion:
                 if not self._tolerant:
                     raise rejected from None
                 self._go_on(frame, step, error)
-                # of a program that comes to no end only the first loop is named
+                # report an endless program's loop once
                 place = (error.code, *((0, 0) if error.code == "MC164" else (step.line, error.span[0])))
                 if place not in self._said:
                     self._said.add(place)
@@ -304,7 +304,7 @@ class Expansion:
         return None
 
     def interpreted(self, values: Iterable[Canonical]) -> None:
-        """Note what the last line gave."""
+        """Note the measurements among the values of the last line."""
         self.measured.interpreted(values)
 
     def _count(self) -> None:
@@ -323,7 +323,7 @@ class Expansion:
             )
 
     def _loop(self) -> tuple[Instruction, str]:
-        """Return where the innermost loop that runs begins, or what runs; and the file that has it."""
+        """Return where the innermost running loop begins, or else the running step; and the file it is in."""
         for frame in reversed(self._frames):
             code = frame.routine.code
             starts = [
@@ -341,7 +341,7 @@ class Expansion:
         if step.kind == "test":
             value = step.values[0](self)
             if math.isnan(value):
-                # what it depends on could not be computed: a check says nothing more about the block
+                # its value could not be computed: a check reports nothing more about the block
                 self._abandon()
                 return None
             frame.at = frame.at + 1 if value != 0.0 else step.target
@@ -371,7 +371,7 @@ class Expansion:
         return None
 
     def _save_or_restore(self, frame: Frame, step: Instruction) -> ParsedLine | None:
-        """Carry out one of M70 to M73, each for the call that it stands in (D-138)."""
+        """Execute one of M70 to M73, whose saved state belongs to the call they are in (D-138)."""
         scope = self._parameters.scopes[-1]
         if step.name == "M71":
             scope.saved, scope.returns = None, False
@@ -398,7 +398,7 @@ class Expansion:
         return parsed
 
     def _give(self, frame: Frame, step: Instruction) -> ParsedLine | None:
-        """Evaluate a line; what it sets is set when it has been interpreted."""
+        """Evaluate a line; the parameters that it sets are set once it has been interpreted."""
         assert step.template is not None
         plain = step.template.evaluate(self)
         for setting in plain.settings:
@@ -442,7 +442,7 @@ class Expansion:
         self._parameters.scopes.append(self._parameters.scope(arguments))
 
     def _of_file(self, name: str, step: Instruction) -> Routine | None:
-        """Return the subprogram of a file of the machine's; None: there is none of that name."""
+        """Return the subprogram in a file of the machine's; None if there is no file of that name."""
         text = self._interpreter.machine.dialect.subroutines.get(name)
         if text is None:
             return None
@@ -470,7 +470,7 @@ class Expansion:
         return str(round(value))
 
     def _end_routine(self) -> bool:
-        """End a routine that has no instructions left; False where nothing more can run now."""
+        """End a routine that has no instructions left; return False if nothing more can run now."""
         frame = self._frames.pop()
         if self._frames:
             self._parameters.scopes.pop()
@@ -479,13 +479,13 @@ class Expansion:
         return True
 
     def _abandon(self) -> None:
-        """Skip the rest of a block, of which a check cannot know what it does."""
+        """Skip the rest of a block whose effect a check cannot know."""
         self._interpreter.guess_positions()
         del self._frames[1:], self._parameters.scopes[1:]
         self._frames[0].at = len(self._frames[0].routine.code)
 
     def _go_on(self, frame: Frame, step: Instruction, error: ComputingError) -> None:
-        """Go on behind a fault, in a check."""
+        """Continue a check after a fault."""
         if step.kind == "line" and error.code != "MC164":
             assert step.template is not None
             frame.at += 1

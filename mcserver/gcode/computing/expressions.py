@@ -14,18 +14,18 @@ import numpy as np
 from mcserver.errors import Diagnostic
 from mcserver.gcode.line_faults import Span
 
-# two numbers are equal, and a number is a whole one, where they differ by less (LinuxCNC)
+# numbers closer than this are equal, and a number this close to a whole one is whole (LinuxCNC)
 TOLERANCE = 0.0001
 LARGEST_PARAMETER = 5602
-# brackets within brackets of one line
+# depth of nested brackets in one line
 _DEEPEST = 64
 
 
 class ComputingError(Exception):
-    """What cannot be computed, with its place: columns from 1, end exclusive; line 0: that which is read.
+    """A value that cannot be computed, with columns, from 1, end exclusive, and line; 0: the current line.
 
     Attributes:
-        file: of the machine's, that has the line; empty: the text.
+        file: file of the machine's with the line; empty: the program.
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class ComputingError(Exception):
         self.file = file
 
     def diagnostic(self, line: int) -> Diagnostic:
-        """Return it as the fault of a line."""
+        """Return it as a fault of a line."""
         return Diagnostic(
             code=self.code,
             message=self.message,
@@ -52,7 +52,7 @@ class ComputingError(Exception):
 
 
 class Values(Protocol):
-    """Where an expression reads parameters; ``span`` is blamed for one that is not there."""
+    """Where an expression reads parameters; a missing one is reported at ``span``."""
 
     def numbered(self, number: int, span: Span) -> float: ...
     def named(self, name: str, span: Span) -> float: ...
@@ -64,19 +64,19 @@ Operators = Mapping[str, tuple[int, Callable[[float, float], float]]]
 
 
 class Null(float):
-    """A parameter of macro B that has no value: 0 in sums, and in no comparison equal to 0."""
+    """Value of an unset parameter of macro B: 0 in sums, and not equal to 0 in comparisons."""
 
 
 NULL = Null(0.0)
 
 
 class Language(NamedTuple):
-    """What an expression may say.
+    """Operators, functions and null of an expression language.
 
     Attributes:
-        operators: how strongly each binds (operators of one strength from left to right), and what it does.
+        operators: precedence and function of each; those of equal precedence bind from left to right.
         functions: of one argument. full_turn: ATAN is never negative.
-        null: #0 is `NULL`, and a word whose value is `NULL` is left out.
+        null: #0 is `NULL`, and a word whose value is `NULL` is omitted.
     """
 
     operators: Operators
@@ -115,7 +115,7 @@ _OPERATORS: Operators = MappingProxyType(
 )
 _FUNCTIONS: Mapping[str, Callable[[float], float]] = MappingProxyType(
     {
-        # signed zeros as in C: they turn ATAN by 360 degrees
+        # keep signed zeros, as C does: they turn ATAN by 360 degrees
         "ABS": lambda value: -value if value < 0.0 else value,
         "ACOS": lambda value: math.degrees(math.acos(value)),
         "ASIN": lambda value: math.degrees(math.asin(value)),
@@ -140,13 +140,13 @@ _BLANKS = re.compile(r"[ \t]*")
 
 
 def skip(text: str, at: int) -> int:
-    """Return the index of the next character that is no blank."""
+    """Return the index of the next character that is not blank."""
     found = _BLANKS.match(text, at)
     return at if found is None else found.end()
 
 
 class Parameter:
-    """A parameter in a line: a name, or what gives its number; it reads itself.
+    """A parameter in a line, by name or by an expression for its number; calling it returns its value.
 
     Args:
         name: lower case, without blanks; empty for a numbered one. null: #0 is `NULL`.
@@ -164,7 +164,7 @@ class Parameter:
         """Return the number of a numbered parameter.
 
         Raises:
-            ComputingError: MC162 it is no whole number in range.
+            ComputingError: MC162 it is not a whole number in range.
         """
         assert self.number is not None
         value = self.number(values)
@@ -197,7 +197,7 @@ class Parameter:
 
 
 def read_parameter(text: str, at: int, deep: int = 0, language: Language = NGC) -> tuple[Parameter, int]:
-    """Read the parameter whose ``#`` stands at index ``at``; return it and the index behind it.
+    """Read the parameter whose ``#`` is at index ``at``; return it and the index after it.
 
     Raises:
         ComputingError: MC160.
@@ -215,7 +215,7 @@ def read_parameter(text: str, at: int, deep: int = 0, language: Language = NGC) 
 
 
 def read_value(text: str, at: int, deep: int = 0, language: Language = NGC) -> tuple[Value, int]:
-    """Read a number, parameter, function or expression from index ``at``; return it and the index behind it.
+    """Read a number, parameter, function or expression at index ``at``; return it and the index after it.
 
     Raises:
         ComputingError: MC160.
@@ -262,7 +262,7 @@ def _read_brackets(text: str, start: int, deep: int, language: Language) -> tupl
 
 
 def read_operation(text: str, at: int, deep: int, language: Language) -> tuple[Value, int]:
-    """Read ``a op b …``: operators that bind more strongly first, equal ones from left to right.
+    """Read ``a op b …`` by precedence; operators of equal precedence from left to right.
 
     Raises:
         ComputingError: MC160.
@@ -332,7 +332,7 @@ def _read_function(text: str, found: re.Match[str], deep: int, language: Languag
 
 
 def _angle(upper: float, lower: float, turn: float) -> float:
-    """Return the direction of a vector [deg], of a finite ``turn`` from 0 on."""
+    """Return the direction of a vector [deg], from 0 up to ``turn`` if that is finite."""
     angle = math.degrees(math.atan2(upper, lower))
     return angle % turn if math.isfinite(turn) else angle
 
@@ -342,7 +342,7 @@ def _checked(compute: Callable[[], float], shown: str, span: Span) -> float:
         found = compute()
     except (ValueError, ZeroDivisionError, OverflowError):
         found = math.nan
-    # a negative number to a broken power is complex in Python
+    # a negative number to a fractional power is complex in Python
     if isinstance(found, complex) or not math.isfinite(found):
         raise ComputingError("MC163", f"{shown} has no value", span, "see what its parameters are there")
     return found

@@ -33,16 +33,16 @@ _COMMENT = re.compile(r"\([^()]*\)?|;.*")
 _SHOWING = re.compile(r"\([ \t]*(?:DEBUG|PRINT|LOG)[ \t]*,", re.IGNORECASE)
 _SHOWN = re.compile(r"#(?:<[^<>]*>|[0-9]+)|%(?:d|l?f)", re.IGNORECASE)
 _MACRO = re.compile(r"(?:IF|WHILE)[ \t]*\[|GOTO|DO[ \t]*[0-9]|END[ \t]*[0-9]", re.IGNORECASE)
-# their numbers are whole ones; D is a diameter, too
+# letters whose numbers are whole; not D, which may be a diameter
 _WHOLE = frozenset("HLMNT")
 
 
 class Piece:
-    """A value in a line: index where it stands, and its columns.
+    """A computed value in a line, and its columns.
 
     Attributes:
-        letter: of its word; empty in a comment. decimals: of one in a comment.
-        name: stands ahead of the value, and goes with it where that is `NULL`.
+        letter: of its word; empty in a comment. decimals: of a value in a comment.
+        name: text before the value, omitted with it if it is `NULL`.
     """
 
     __slots__ = ("decimals", "letter", "name", "span", "value")
@@ -55,10 +55,10 @@ class Piece:
         self.name = name
 
     def text(self, values: Values) -> str | None:
-        """Return the value as it stands in a plain line; None: it could not be computed before.
+        """Return the value as text of a plain line; None: a check could not compute it.
 
         Raises:
-            ComputingError: MC116 a number that has to be whole is not.
+            ComputingError: MC116 a number is not whole that has to be.
         """
         value = self.value(values)
         if math.isnan(value):
@@ -76,22 +76,22 @@ class Piece:
 
 
 class Columns:
-    """Where the characters of a plain line stand in the line that it was computed from."""
+    """Map columns of a plain line to columns of the line it was computed from."""
 
     def __init__(self) -> None:
-        # pairs of indexes: where a part begins in the plain line and in the text
+        # pairs of indexes: where a part begins in the plain line and in the original one
         self._plain = [0]
         self._written = [0]
         self._length = 0
 
     def copy(self, start: int, end: int) -> None:
-        """Note that characters were taken over."""
+        """Note that characters were copied."""
         self._mark(start)
         self._length += end - start
         self._mark(end)
 
     def compute(self, span: Span, length: int) -> None:
-        """Note that a value of so many characters stands for the text."""
+        """Note that ``length`` characters of a value replace those in ``span``."""
         self._mark(span[0] - 1)
         self._length += length
         self._mark(span[1] - 1)
@@ -101,13 +101,13 @@ class Columns:
         self._written.append(written)
 
     def span(self, span: Span) -> Span:
-        """Return the columns in the text of columns in the plain line."""
+        """Return the columns in the original line for columns in the plain one."""
         first = self._at(span[0] - 1, bisect_right(self._plain, span[0] - 1) - 1, begins=True)
         last = self._at(span[1] - 1, bisect_left(self._plain, span[1] - 1), begins=False)
         return first + 1, max(last, first + 1) + 1
 
     def _at(self, index: int, part: int, *, begins: bool) -> int:
-        """Return the index in the text; within a value its first or its last."""
+        """Return the index in the original line; within a value its first or its last."""
         if begins:
             after = min(part + 1, len(self._plain) - 1)
             same = self._plain[after] - self._plain[part] == self._written[after] - self._written[part]
@@ -119,7 +119,7 @@ class Columns:
 
 
 class Setting(NamedTuple):
-    """A parameter and its value; ``number`` of a numbered one, 0: of a name, or not known."""
+    """A parameter and its value; ``number`` is 0 for a named or an unknown one."""
 
     parameter: Parameter
     number: int
@@ -127,11 +127,11 @@ class Setting(NamedTuple):
 
 
 class Plain:
-    """A plain line and what it sets once it has been read.
+    """A plain line, and the parameters that it sets once it has been read.
 
     Attributes:
-        text: None where a value of it could not be computed before.
-        settings: what it sets.
+        text: None if a check could not compute one of its values.
+        settings: parameters to set.
     """
 
     __slots__ = ("columns", "settings", "text")
@@ -154,7 +154,7 @@ class LineTemplate:
     def __init__(self, text: str, language: Language = NGC) -> None:
         self._text = text
         self._language = language
-        # text from an index to another, or a value
+        # a range of indexes of the text, or a value
         self._parts: list[tuple[int, int] | Piece] = []
         self._settings: list[tuple[Parameter, Value]] = []
         self._copied = 0
@@ -164,7 +164,7 @@ class LineTemplate:
         self._put(None, at, at)
 
     def _put(self, piece: Piece | None, start: int, end: int) -> None:
-        """Let a value stand for the text from an index to another."""
+        """Add a value, or the text itself, for the text between two indexes."""
         if self._copied < start:
             self._parts.append((self._copied, start))
         if piece is not None:
@@ -172,7 +172,7 @@ class LineTemplate:
         self._copied = end
 
     def _read_on(self, at: int) -> int:
-        """Read what stands at an index, and return the index behind it."""
+        """Read the token at an index, and return the index after it."""
         text = self._text
         literal = _LITERAL.match(text, at)
         if literal is not None:
@@ -228,7 +228,7 @@ class LineTemplate:
         return end
 
     def _read_shown(self, comment: re.Match[str]) -> None:
-        """Read the parameters in a comment that shows them."""
+        """Read the parameters in a comment that prints them."""
         decimals = 6
         for found in _SHOWN.finditer(self._text, comment.start(), comment.end()):
             end, piece = found.end(), None
@@ -240,7 +240,7 @@ class LineTemplate:
             self._put(piece, found.start(), end)
 
     def evaluate(self, values: Values) -> Plain:
-        """Compute the line; parameters that it sets have their values from before it until it has been read.
+        """Compute the line; parameters that it sets keep their old values until it has been interpreted.
 
         Raises:
             ComputingError: MC116, MC162, MC163, MC168. Unsettled: a value is not known yet.
@@ -262,7 +262,7 @@ class LineTemplate:
         return Plain("".join(pieces) if known else None, columns, settings)
 
     def settings_unknown(self, values: Values) -> list[Setting]:
-        """Return what the line sets where its values cannot be computed; for checks."""
+        """Return settings of NaN for a line whose values cannot be computed; for checks."""
         found = []
         for parameter, _ in self._settings:
             with contextlib.suppress(ComputingError):

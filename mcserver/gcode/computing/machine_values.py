@@ -1,4 +1,4 @@
-"""Parameters that the machine has: positions, offsets, tools, what a probe or an input gave (D-82)."""
+"""Parameters that the machine provides: positions, offsets, tools, results of probes and inputs (D-82)."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _DIAMETER_OF_TOOL = 5410
 _POSITIONS = 5420
 _MACHINE_POSITIONS = 5021
 _PROBE = 5061
-# numbered ones: the first of nine, and what of the frame they show
+# numbered parameters of stored positions: the first of nine, and the key in `Frame.stored`
 _STORED = {5161: 28, 5181: 30}
 _G92 = 5211
 _SYSTEMS = {5221 + 20 * (number - 1): number for number in SYSTEM_NUMBERS.values()}
@@ -38,18 +38,18 @@ _NAMES_OF_SYSTEMS = {number: float(name[1:]) * 10.0 for name, number in SYSTEM_N
 
 
 class Source(enum.Enum):
-    """Where values come from that are measured as the program runs."""
+    """Source of values that are measured while the program runs."""
 
-    MACHINE = "machine"  # from the executor, once the motion before has ended
-    ASSUMED = "assumed"  # by a check: a probe meets the work where its move ends
-    NOWHERE = "nowhere"  # lines that ran before: what they measured is not known
+    MACHINE = "machine"  # from the executor, once the motion so far has ended
+    ASSUMED = "assumed"  # by a check: a probe trips at the end of its move
+    NOWHERE = "nowhere"  # for lines run before: their measurements are not known
 
 
 class Unsettled(Exception):
-    """A value is known when the motion before has ended.
+    """A value is not known before the motion so far has ended.
 
     Attributes:
-        axes: whose positions have to be read; others: only what comes before has to end.
+        axes: whose positions have to be read; if empty, the motion only has to end.
     """
 
     def __init__(self, axes: frozenset[int] = frozenset()) -> None:
@@ -58,11 +58,11 @@ class Unsettled(Exception):
 
 
 class _Probe(msgspec.Struct, frozen=True):
-    """The last probing move: the program's zero and scale as it began, and what came of it.
+    """The last probing move: the program's zero and scale when it began, and its result.
 
     Attributes:
-        transformation: as it began.
-        place: of all axes, by number [m or rad]; None: it has not ended yet.
+        transformation: when it began.
+        place: positions of all axes, by number [m or rad]; None: it has not ended yet.
     """
 
     shift: Mapping[int, float]
@@ -73,10 +73,10 @@ class _Probe(msgspec.Struct, frozen=True):
 
 
 class MachineValues:
-    """Values of one program's machine, as they are before the line that reads them.
+    """Values of the machine as they are before the line that reads them.
 
     Args:
-        assume: called with what was assumed, in words.
+        assume: called with each assumption, in words.
     """
 
     def __init__(
@@ -93,13 +93,13 @@ class MachineValues:
             for letter in _LETTERS
         ]
         self._probe: _Probe | None = None
-        # None: it is being read
+        # None: still being read
         self._input: float | None = 0.0
 
     # ------------------------------------------------------------ what is measured
 
     def interpreted(self, values: Iterable[Canonical]) -> None:
-        """Note what a line measures."""
+        """Note which measurements a line makes."""
         for value in values:
             if isinstance(value, ProbeLine):
                 modal = self._interpreter.modal
@@ -120,21 +120,21 @@ class MachineValues:
                     self._input = waited.get(value.mode, float(initial))
 
     def probed(self, place: Mapping[int, float], *, tripped: bool) -> None:
-        """Take where a probing move met the work, or ended [m or rad]."""
+        """Store where a probing move tripped or ended [m or rad]."""
         if self._probe is not None:
             self._probe = msgspec.structs.replace(self._probe, place=dict(place), tripped=tripped)
 
     def input_read(self, value: float) -> None:
-        """Take what M66 has read."""
+        """Store the value that M66 has read."""
         self._input = value
 
     # ------------------------------------------------------------ values
 
     def numbered(self, number: int, span: Span) -> float | None:
-        """Return a parameter of the machine in the program's units; None: it is not one of them.
+        """Return a parameter of the machine in the program's units; None if the number is not one.
 
         Raises:
-            ComputingError: MC162 the machine does not have it, MC168. Unsettled: it is known later.
+            ComputingError: MC162 the machine does not have it, MC168. Unsettled: it is not known yet.
         """
         frame = self._interpreter.modal.frame or Frame()
         if _PROBE <= number < _PROBE + 9 or number == _DIGITIZED:
@@ -155,7 +155,7 @@ class MachineValues:
             _G92_ON: float(frame.g92_on and bool(frame.g92)),
             _SYSTEM: float(frame.system),
             _TOOL: float(frame.changed or 0),
-            # faults of a tool changer: there is none
+            # faults of a tool changer; there is none
             5600: 0.0,
             5601: 0.0,
         }
@@ -169,7 +169,7 @@ class MachineValues:
         return None
 
     def named(self, name: str, span: Span) -> float | None:
-        """Return a predefined named parameter; None: it is not one of them. Raises as `numbered` does."""
+        """Return a predefined named parameter; None if the name is not one. Raises as `numbered` does."""
         modal, frame = self._interpreter.modal, self._interpreter.modal.frame or Frame()
         if name.startswith("_abs_") and name[5:].upper() in _LETTERS and len(name) == len("_abs_x"):
             return self.position(_LETTERS.index(name[5:].upper()), span, absolute=True)
@@ -211,9 +211,9 @@ class MachineValues:
             "_ccomp": {1: 410.0, -1: 420.0}.get(0 if compensated is None else compensated.side, 400.0),
             "_metric_machine": 1.0,
             "_remap_level": 0.0,
-            # a check computes what the run will
+            # a check is to compute the same as the run
             "_task": 1.0,
-            # of LinuxCNC whose language this is
+            # version of LinuxCNC, whose language this is
             "_vmajor": 2.9,
             "_vminor": 0.0,
         }
@@ -238,10 +238,10 @@ class MachineValues:
         return MM if found is None else axis_scale(found.type, inch)
 
     def position(self, letter: int, span: Span, *, absolute: bool) -> float:
-        """Return where an axis of the program stands before the line, in the program's units.
+        """Return the position of an axis before the line, in the program's units.
 
         Args:
-            letter: its place in XYZABCUVW. absolute: in the machine's zero, else in the program's.
+            letter: its index in XYZABCUVW. absolute: from the machine's zero, not the program's.
 
         Raises as `numbered` does.
         """
@@ -274,7 +274,8 @@ class MachineValues:
     ) -> float:
         """Return the programmed coordinate of a place [m or rad].
 
-        That of an axis which codes turn or scale is refused: controllers tell it turned, or along the axes.
+        Raises:
+            ComputingError: MC187 codes rotate or scale the axis: controllers differ in what it then reads.
         """
         if axis in transformation.changed or (transformation.tilted and axis in (0, 1, 2)):
             raise ComputingError(

@@ -1,8 +1,9 @@
-"""Expand a program in Fanuc's macro B to plain lines, as it runs (D-91 to D-93).
+"""Expand a program in Fanuc's macro B, while it runs, to plain lines (D-91 to D-93).
 
-Lines of the main program count as themselves when they are come to, and those that run again, or in a
-subprogram, as the furthest line of the main program so far: the line numbers of what moves never fall.
-What is not known yet (a subprogram behind M30, the block that GOTO names) is waited for.
+A line of the main program carries its own number when first reached; lines that run again, or in a
+subprogram, carry that of the furthest line reached so far. So the line numbers of motion never decrease. If
+the next step needs lines that have not arrived (a subprogram after M30, the block that GOTO names), the
+expansion waits.
 """
 
 from __future__ import annotations
@@ -31,13 +32,13 @@ from mcserver.gcode.text.parser import ParsedLine
 from mcserver.gcode.text.source import split_lines
 
 _COMMON = (range(100, 200), range(500, 1000))
-# values of earlier programs on a controller of Fanuc's; not here
+# on Fanuc's controllers these keep values of earlier programs; not here
 _KEPT_BY_FANUC = _COMMON[1]
 _ALARM = 3000
 _COUNTED_TWICE = 10_000
-# positions: of the program's zero, of the machine, and of the program's again
+# numbered parameters of positions, the first of nine: in the machine's zero, or not
 _POSITIONS: Mapping[int, bool] = MappingProxyType({5001: False, 5021: True, 5041: False})
-# as LinuxCNC has them, too: what a probe met, origins of work coordinate systems, and the tool fitted
+# the same as LinuxCNC's: a probe's result, origins of work coordinate systems, and the fitted tool
 _SHARED = (range(5061, 5070), range(5221, 5330), range(5400, 5401))
 _MODAL: Mapping[int, Callable[[Callable[[str], float]], float]] = MappingProxyType(
     {
@@ -56,7 +57,7 @@ _MODAL: Mapping[int, Callable[[Callable[[str], float]], float]] = MappingProxyTy
 
 
 class _NeedsText(Exception):
-    """What runs depends on lines that have not come; ``met`` says whether they have, ``what`` they are."""
+    """The next step needs lines that have not arrived; ``met`` tests for them, ``what`` describes them."""
 
     def __init__(self, what: str, met: Callable[[], bool]) -> None:
         super().__init__()
@@ -65,7 +66,7 @@ class _NeedsText(Exception):
 
 
 class _Call(Frame):
-    """A program under way; how often it is still repeated, and the arguments of each time (None: M98)."""
+    """A running program, its runs left, and the arguments of each run (None: M98)."""
 
     __slots__ = ("arguments", "program", "times")
 
@@ -79,7 +80,7 @@ class _Call(Frame):
 
 
 class MacroExpansion(Expansion):
-    """The lines of one program in macro B, expanded; see `Expansion`."""
+    """Expands one program in macro B; see `Expansion`."""
 
     def __init__(self, interpreter: Interpreter, source: Source = Source.MACHINE) -> None:
         self._main = MacroProgram("", 1)
@@ -87,7 +88,7 @@ class MacroExpansion(Expansion):
         self._programs: dict[str, MacroProgram] = {}
         self._lines: dict[int, str] = {}
         self._characters = 0
-        # the main program's lines: whether one has code, whether the first are forgotten
+        # of the main program: whether a line with code has come, whether its first lines were discarded
         self._begun = self._forgotten = False
         self._reached = self._last = 0
         self._met: Callable[[], bool] | None = None
@@ -95,7 +96,7 @@ class MacroExpansion(Expansion):
         self._repeating = self._given = self._ran_out = False
         self._back: tuple[Instruction, str] | None = None
         super().__init__(interpreter, source)
-        # the first is the main program's, and stays
+        # the first is the main program and is never removed
         self._calls = [_Call(self._main)]
         self._frames = self._calls  # type: ignore[assignment]
         self._calls[0].at = len(self._main.code)
@@ -114,12 +115,12 @@ class MacroExpansion(Expansion):
 
     @property
     def idle(self) -> bool:
-        """Whether the next line of the text is read as it stands."""
+        """Whether the next line can be read without expansion."""
         return not (self.running or self.head or self._main.in_loop) and self._current is self._main
 
     @property
     def running(self) -> bool:
-        """Whether `next` has more to give before another line is taken."""
+        """Whether `next` has to be called before the next `take`."""
         if self._ready is not None:
             return True
         more = self._given or len(self._calls) > 1 or self._calls[0].at < len(self._main.code)
@@ -127,14 +128,14 @@ class MacroExpansion(Expansion):
 
     @property
     def in_block(self) -> bool:
-        """Whether what has run cannot be taken back."""
+        """Whether a line is running whose effects cannot be undone."""
         return self.head > 0 and self._met is None
 
     def kept(self) -> ComputedState | None:
-        """Return parameters and text between two lines of the main program; None: there are none.
+        """Return parameters and text, between two lines of the main program; None if there are none.
 
         Raises:
-            ProgramRejected: MC167 the line before waits for text that stands behind.
+            ProgramRejected: MC167 the line before waits for later text.
         """
         if self.head:
             raise self._rejected(
@@ -152,7 +153,7 @@ class MacroExpansion(Expansion):
         return super().kept()
 
     def _note(self) -> None:
-        """Set `head` and `through`."""
+        """Update `head` and `through`."""
         main, code = self._calls[0], self._main.code
         pending = main.at < len(code)
         after = code[main.at].line if pending else self._last + 1
@@ -169,7 +170,7 @@ class MacroExpansion(Expansion):
     # ------------------------------------------------------------ text
 
     def passed(self, texts: Sequence[str], number: int) -> None:
-        """Note lines that were read without being taken, the first of them is ``number``."""
+        """Note lines that were read without `take`; the first is line ``number``."""
         for line, text in enumerate(texts, number):
             self._append(text, line)
             self._calls[0].at = len(self._main.code)
@@ -177,7 +178,7 @@ class MacroExpansion(Expansion):
         self._note()
 
     def close(self) -> None:
-        """Note that the text has ended; what waited for more of it runs on, or is refused by `next`."""
+        """Note that the text has ended: `next` continues what waited for more text, or refuses it."""
         self._current.closed = True
         for program in self._programs.values():
             program.closed = True
@@ -185,7 +186,7 @@ class MacroExpansion(Expansion):
         self._met = None
 
     def drop(self) -> None:
-        """Forget what runs; and the last line, where nothing of it has run."""
+        """Discard what is running, and the last line if nothing of it has run."""
         self._ready, self._met, self._given = None, None, False
         self._due.clear()
         del self._parameters.scopes[1:], self._calls[1:]
@@ -196,9 +197,9 @@ class MacroExpansion(Expansion):
         self._calls[0].at = len(self._main.code)
 
     def _compute(self, text: str, number: int) -> bool:
-        """Take a line: each is compiled."""
+        """Accept a line; every line is compiled."""
         if self._begun and program_number(text) is not None and self._current is self._main and self.idle:
-            # nothing waits for what stands behind
+            # nothing waits for later lines
             self._ran_out = self._tolerant
             if self._tolerant:
                 self._append(text, number)
@@ -238,7 +239,7 @@ class MacroExpansion(Expansion):
         self._current = self._programs[name] = MacroProgram(name, number)
 
     def _forget(self, length: int) -> None:
-        """Forget the main program so far: nothing goes back that far any more."""
+        """Discard the lines of the main program so far, to which nothing jumps back any more."""
         needed = self._current is not self._main or self._main.in_loop or self._last > self._reached
         if needed and not self._tolerant:
             raise self._too_much(length)
@@ -246,7 +247,7 @@ class MacroExpansion(Expansion):
         self._lines.clear()
         self._characters = 0
         if needed:
-            # a check says it once, and goes on behind what waits
+            # a check reports it once, and continues after what waits
             self._abandon()
             self._met = None
             self._reached = self._last
@@ -328,7 +329,7 @@ class MacroExpansion(Expansion):
         return round(value)
 
     def _go(self, frame: _Call, step: Step, program: MacroProgram, start: int) -> None:
-        """Let a program go on at a block: searched from here on, then from the beginning."""
+        """Jump to a block of a program: the next one of that number, else the first."""
         number = self._whole(step.values[0](self), "N", step)
         if not number:
             self._abandon()
@@ -434,13 +435,13 @@ class MacroExpansion(Expansion):
         if step.values:
             self._go(caller, step, caller.program, caller.at)
         if len(self._calls) == 1:
-            return  # given up
+            return  # abandoned
         self._calls.pop()
         if frame.arguments is not None:
             self._parameters.scopes.pop()
 
     def _end_routine(self) -> bool:
-        """Wait for more lines, or refuse a program that runs into the next one."""
+        """Wait for more lines, or refuse a program without an end before the next one."""
         frame = self._calls[-1]
         program = frame.program
         if program is self._main and (self._current is program or self._ran_out):
@@ -500,6 +501,6 @@ class MacroExpansion(Expansion):
 
 
 def expansion_of(interpreter: Interpreter, source: Source = Source.MACHINE) -> Expansion:
-    """Return what expands a program in the macro language of its machine's dialect."""
+    """Return the expansion for a program, by the macro language of its machine's dialect."""
     language = MacroExpansion if interpreter.machine.dialect.fanuc else Expansion
     return language(interpreter, source)

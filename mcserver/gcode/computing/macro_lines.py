@@ -1,4 +1,4 @@
-"""Compile programs in Fanuc's macro B, line by line, to the instructions that O-words become (D-91, D-92)."""
+"""Compile lines of Fanuc's macro B to the instructions that O-words are compiled to (D-91, D-92)."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from mcserver.gcode.computing.line_template import LineTemplate
 from mcserver.gcode.computing.o_words import Instruction, Routine
 from mcserver.gcode.line_faults import Span
 
-# numbers of DO, and so the deepest loop of one program
+# numbers that DO may have, and so the depth of nested loops in one program
 _LOOPS = (1, 2, 3)
 MOST_REPEATS = 9999
-# two values are equal where they differ by less
+# values closer than this are equal
 _EQUAL = 1e-8
 _COMMENT = re.compile(r"\([^()]*\)?|;.*")
 _HEAD = re.compile(r"[ \t]*(?:/[1-9]?)?[ \t]*(?:N[ \t]*([0-9]+))?[ \t]*", re.IGNORECASE)
@@ -35,12 +35,12 @@ _WORD = re.compile(
 )
 _THEN = re.compile(r"[ \t]*(?:(GOTO)|(THEN)[ \t]*(?=#))", re.IGNORECASE)
 _DO = re.compile(r"[ \t]*DO[ \t]*([0-9]+)", re.IGNORECASE)
-# G65 behind codes of its line, and these
+# G65 after other G-codes of its line, and those codes
 _CALL_BEHIND = re.compile(r"((?:G[ \t]*[0-9.]+[ \t]*)*?)(G[ \t]*0*65)(?![0-9.])", re.IGNORECASE)
 _CALL = re.compile(r"M[ \t]*0*(9[89])(?![0-9.])", re.IGNORECASE)
 _OWN_WORD = re.compile(r"([A-Z])(?=[ \t]*[-+#\[.0-9])", re.IGNORECASE)
 _STOP = re.compile(r"#[ \t]*3006[ \t]*=")
-# first specification of arguments; I J K count on in the second
+# letters of the first kind of argument list; the second continues with sets of I J K
 _ARGUMENTS = MappingProxyType(
     {
         **dict(zip("ABCDEFHIJKM", (1, 2, 3, 7, 8, 9, 11, 4, 5, 6, 13), strict=True)),
@@ -51,7 +51,7 @@ LOCALS = 33
 
 
 def _compared(test: Callable[[float, float], bool]) -> Callable[[float, float], float]:
-    """Return a comparison for equality, which knows parameters without a value."""
+    """Return an equality comparison that tells unset parameters from 0."""
 
     def compare(left: float, right: float) -> float:
         null = isinstance(left, Null), isinstance(right, Null)
@@ -96,12 +96,12 @@ MACRO_B = Language(
 
 
 def blank_comments(text: str) -> str:
-    """Return a line with blanks for its comments, so that columns stay."""
+    """Replace a line's comments by blanks, so that columns stay."""
     return _COMMENT.sub(lambda found: " " * len(found[0]), text)
 
 
 def program_number(text: str) -> str | None:
-    """Return the number of the program that a line begins; None: it begins none."""
+    """Return the number of the program that begins at a line; None if none does."""
     found = _PROGRAM.match(blank_comments(text))
     return None if found is None else str(int(found[1]))
 
@@ -111,8 +111,8 @@ class Step(Instruction):
 
     Attributes:
         kind: those of `Instruction`; ``goto``, ``program`` (M98), ``macro`` (G65), ``end`` (M99).
-        values: of ``goto`` and ``end`` the block's number, of calls the program's number and the repeats.
-        arguments: parameters of a macro, by number. text: of a line that does not compute.
+        values: block number for ``goto`` and ``end``; program number and repeats for calls.
+        arguments: of a macro, by parameter number. text: of a line without expressions.
     """
 
     __slots__ = ("arguments", "text")
@@ -127,32 +127,32 @@ class Step(Instruction):
 
 
 class MacroProgram(Routine):
-    """A program in macro B, whose lines come one by one.
+    """A program in macro B that is compiled line by line.
 
     Attributes:
-        closed: no more lines will come. labels: by number of a block, indexes of their first instructions.
+        closed: it is complete. labels: by block number, indexes of the blocks' first instructions.
     """
 
     def __init__(self, name: str, first: int) -> None:
         super().__init__(name, first)
         self.closed = False
         self.labels: dict[int, list[int]] = {}
-        # number of each DO whose END has not come, the index where it turns, and its test
+        # open loops: number of DO, index to return to, and the test
         self._loops: list[tuple[int, int, Step | None]] = []
 
     @property
     def in_loop(self) -> bool:
-        """Whether the END of a DO has not come yet."""
+        """Whether a DO is open."""
         return bool(self._loops)
 
     def clear(self) -> None:
-        """Forget all lines."""
+        """Remove all lines."""
         self.code.clear()
         self.labels.clear()
         self._loops.clear()
 
     def cut(self, line: int) -> None:
-        """Forget a line, the last one, and with it the loop that it begins."""
+        """Remove the last line, and the loop that it opens."""
         while self.code and self.code[-1].line == line:
             self.code.pop()
         length = len(self.code)
@@ -160,10 +160,10 @@ class MacroProgram(Routine):
         self._loops = [each for each in self._loops if each[1] < length]
 
     def add(self, text: str, line: int) -> None:
-        """Take the next line.
+        """Compile the next line.
 
         Raises:
-            ComputingError: MC140, MC160, MC181; it is not taken.
+            ComputingError: MC140, MC160, MC181; the line is not added.
         """
         code = blank_comments(text)
         head = _HEAD.match(code)
@@ -207,7 +207,7 @@ class MacroProgram(Routine):
     def _loop(
         self, code: str, word: str, number: int, end: int, line: int, span: Span, test: Step | None = None
     ) -> list[Step]:
-        """Begin or end a loop."""
+        """Open or close a loop."""
         _ends_at(code, end)
         start = len(self.code)
         if word == "DO":
@@ -245,7 +245,7 @@ def _goto(code: str, word: re.Match[str], line: int) -> Step:
 
 
 def _plain(text: str, code: str, at: int, line: int) -> list[Step]:
-    """Compile a line that moves or sets, with M98 or M99 behind what else it does."""
+    """Compile a line that moves or sets, with M98 or M99 at its end."""
     if _O_WORD.match(code, at):
         raise _faulty(
             "O-words are not read beside macro B", (at + 1, len(code.rstrip()) + 1), "see D-91: macros"
@@ -291,10 +291,10 @@ def _line(text: str, code: str, at: int, line: int) -> Step:
 
 
 def _macro_call(code: str, at: int, line: int, span: Span) -> Step:
-    """Compile G65: its arguments become the parameters of the program that it calls."""
+    """Compile G65, whose arguments become parameters of the called program."""
     step = Step("macro", line, span)
     own: dict[str, Value] = {}
-    # sets of I J K: one begins where a letter does not come behind the one before
+    # sets of I J K: a letter that is not after the one before it begins a new set
     nested, before = 0, ""
     at = skip(code, at)
     while at < len(code.rstrip()):

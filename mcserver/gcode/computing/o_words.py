@@ -1,4 +1,4 @@
-"""Read O-words, and compile what stands between the first and the last of them to instructions (D-83)."""
+"""Read O-words, and compile the lines of their blocks to instructions (D-83)."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from mcserver.gcode.computing.line_template import LineTemplate
 from mcserver.gcode.line_faults import Span
 from mcserver.gcode.text.source import split_lines
 
-# of one block of O-words: lines, and characters of their text
+# limits of one block of O-words: lines, and characters of their text
 MOST_LINES = 100_000
 MOST_CHARACTERS = 8 << 20
-# O-words within O-words
+# depth of nested O-words
 DEEPEST = 64
 MOST_ARGUMENTS = 30
 
@@ -43,10 +43,10 @@ _KEYWORD = re.compile(rf"[ \t]*({_SPACED})(?![A-Z])", re.IGNORECASE)
 # M70 to M73 act between two lines (D-138)
 _SAVING = re.compile(r"[ \t]*(?:N[0-9]+[ \t]*)?(M[ \t]*0*7[0-3])[ \t\r]*", re.IGNORECASE)
 _COMMENT = re.compile(r"\([^()]*\)|;.*")
-# words with one value, and those that may have one
+# O-words with one value, and those with an optional one
 _ASKS = frozenset({"while", "if", "elseif", "repeat"})
 _MAY_ASK = frozenset({"return", "endsub"})
-# beside the subprogram of a file: nothing, a percent sign, and the end of a program
+# lines without code in the file of a subprogram: empty, a percent sign, the end of a program
 _NO_CODE = re.compile(r"[ \t]*(?:%.*|M0?2|M30)?[ \t\r]*", re.IGNORECASE)
 _OPENING = {"sub": "endsub", "while": "endwhile", "do": "while", "if": "endif", "repeat": "endrepeat"}
 _BEGIN_BLOCKS = frozenset({"sub", "while", "do", "if", "repeat"})
@@ -56,7 +56,7 @@ class Statement(NamedTuple):
     """An O-word.
 
     Attributes:
-        name: its number or name; empty where ``number`` computes it. values: conditions or arguments.
+        name: its number or name; empty if ``number`` computes it. values: conditions or arguments.
         span: of the O-word itself.
     """
 
@@ -69,12 +69,12 @@ class Statement(NamedTuple):
 
 
 def may_be_statement(text: str) -> bool:
-    """Return whether a line begins with the letter O; quick."""
+    """Return whether a line begins with the letter O; a fast test before `read_statement`."""
     return _O_WORD.match(text) is not None
 
 
 def read_statement(text: str, line: int) -> Statement | None:
-    """Read the O-word that a line begins with; None: it has none, or one alone, a program's number.
+    """Read the O-word at the start of a line; None if there is none, or only the number of a program.
 
     Raises:
         ComputingError: MC160, MC161.
@@ -133,10 +133,10 @@ class Instruction:
     """A step of a routine.
 
     Attributes:
-        kind: ``line``, ``state`` (M70 to M73, its name), or an O-word's; ``test`` goes on at ``target`` where
-            its value is 0, ``jump`` always, ``again`` where the repetitions that began at ``target`` - 1 are
-            not through.
-        span: what is blamed.
+        kind: ``line``, ``state`` (M70 to M73, in ``name``), or an O-word's; ``test`` jumps to ``target`` if
+            its value is 0, ``jump`` always, ``again`` while repetitions are left of the loop that begins
+            at ``target`` - 1.
+        span: columns for faults.
     """
 
     __slots__ = ("kind", "line", "name", "span", "target", "template", "values")
@@ -155,7 +155,7 @@ class Routine:
     """Instructions of one block of O-words, or of a subprogram.
 
     Attributes:
-        name: of a subprogram; else empty. first, last: its lines. file: of the machine's, that has them.
+        name: of a subprogram; else empty. first, last: its lines. file: file of the machine's with the lines.
     """
 
     def __init__(self, name: str, first: int) -> None:
@@ -167,13 +167,13 @@ class Routine:
 
 
 class _Open:
-    """An O-word whose end has not come."""
+    """An O-word that has not been closed."""
 
     def __init__(self, statement: Statement, start: int) -> None:
         self.statement = statement
         self.word = statement.word
         self.start = start
-        # jumps to behind its end, those to its next turn, and the test whose failing goes on with what comes
+        # jumps to its end, jumps to its next turn, and the test that jumps to the next branch
         self.out: list[Instruction] = []
         self.next: list[Instruction] = []
         self.test: Instruction | None = None
@@ -181,10 +181,10 @@ class _Open:
 
 
 class BlockCompiler:
-    """Compile lines from an O-word that opens a block to the one that closes it.
+    """Compiles the lines of a block, from the O-word that opens it to the one that closes it.
 
     Raises:
-        ComputingError: of any line, which is not taken then; MC161, MC164.
+        ComputingError: for a line, which is not added then; MC161, MC164.
     """
 
     def __init__(self, first: Statement) -> None:
@@ -196,11 +196,11 @@ class BlockCompiler:
 
     @property
     def closed(self) -> bool:
-        """Whether the block is whole."""
+        """Whether the block is complete."""
         return not self._open
 
     def unclosed(self) -> ComputingError:
-        """Return the fault of a text that ends here."""
+        """Return the fault of a text that ends inside the block."""
         innermost = self._open[-1].statement
         word = _OPENING[innermost.word]
         return ComputingError(
@@ -211,7 +211,7 @@ class BlockCompiler:
         )
 
     def add_line(self, text: str, line: int) -> None:
-        """Take a line without an O-word."""
+        """Add a line without an O-word."""
         self._lines += 1
         self._characters += len(text)
         if self._lines > MOST_LINES or self._characters > MOST_CHARACTERS:
@@ -224,7 +224,7 @@ class BlockCompiler:
         self.routine.code.append(_line_step(text, line))
 
     def add_statement(self, statement: Statement) -> None:
-        """Take an O-word."""
+        """Add an O-word."""
         word = statement.word
         if word == "sub" and self._open:
             raise _structure(statement, "a subprogram stands within another block", "put it ahead of that")
@@ -331,7 +331,7 @@ class BlockCompiler:
 
 
 def shown_name(name: str) -> str:
-    """Return a name as it stands behind the letter O."""
+    """Return a name as written after the letter O."""
     return name if name.isdigit() else f"<{name}>"
 
 
@@ -340,10 +340,10 @@ def _structure(statement: Statement, message: str, hint: str) -> ComputingError:
 
 
 def call_routine(statement: Statement) -> Routine:
-    """Return the routine of a call that stands in the main program.
+    """Return the routine of a call in the main program.
 
     Raises:
-        ComputingError: MC161 another O-word, which needs a block about it.
+        ComputingError: MC161 for another O-word, which has to be in a block.
     """
     if statement.word != "call":
         raise _structure(

@@ -1,4 +1,4 @@
-"""The parameters of a program: numbered, local and global ones, and those that its subprograms were given."""
+"""Parameters of a program: numbered, local and global ones, and the arguments of its subprograms."""
 
 from __future__ import annotations
 
@@ -13,33 +13,33 @@ from mcserver.gcode.line_faults import Span
 if TYPE_CHECKING:
     from mcserver.gcode.computing.saved_state import SavedState
 
-# these belong to a subprogram, with its named ones
+# numbered parameters from 1 on that are local to a call, as most named ones are
 LOCAL = 30
-# names that one program may give
+# named parameters that one program may set
 MOST_NAMES = 10_000
-# those of LinuxCNC that the machine has or measures: programs read them
+# numbers that LinuxCNC's machine provides or measures: programs only read them
 _OF_THE_MACHINE = frozenset({*range(5021, 5030), *range(5061, 5603)})
 
 
 class Scope:
-    """The parameters of one call: #1 to #30, or as many as it has, and the names without underscore."""
+    """The parameters of one call: local numbered ones, and names without an underscore."""
 
     __slots__ = ("named", "numbered", "returns", "saved")
 
     def __init__(self, arguments: tuple[float, ...] = (), local: int = LOCAL, unset: float = 0.0) -> None:
         self.numbered = [unset, *arguments, *[unset] * (local - len(arguments))]
         self.named: dict[str, float] = {}
-        # by M70 and M73 (D-138); brought back as the call returns
+        # saved by M70 and M73 (D-138); restored when the call returns if ``returns``
         self.saved: SavedState | None = None
         self.returns = False
 
 
 class ComputedState(msgspec.Struct, frozen=True):
-    """Parameters and subprograms of a program at one of its lines, from which it can go on.
+    """Parameters and subprograms of a program between two lines, from where it can continue.
 
     Attributes:
         numbered: parameters that are not 0. local: names of the main program. named: global names.
-        subprograms: texts of their lines, each with its number.
+        subprograms: text of their lines, by line number.
     """
 
     numbered: Mapping[int, float] = {}
@@ -52,10 +52,10 @@ class ParameterTable:
     """Parameters that a program sets itself (D-81).
 
     Args:
-        local: so many numbered ones belong to a call. unset: value of one that was never set.
+        local: count of numbered ones that are local to a call. unset: value of one that was never set.
 
     Attributes:
-        scopes: of the main program and of the calls under way.
+        scopes: of the main program and of the running calls.
     """
 
     def __init__(self, kept: ComputedState, local: int = LOCAL, unset: float = 0.0) -> None:
@@ -70,15 +70,15 @@ class ParameterTable:
                 self.scopes[0].numbered[number] = value
 
     def scope(self, arguments: tuple[float, ...] = ()) -> Scope:
-        """Return the parameters of a call."""
+        """Create the parameters of a call."""
         return Scope(arguments, self._local, self._unset)
 
     def has(self, number: int) -> bool:
-        """Return whether a parameter of the whole program was set."""
+        """Return whether a parameter that is not local was set."""
         return number in self._numbered
 
     def kept(self) -> ComputedState:
-        """Return what the main program has."""
+        """Return the parameters of the main program."""
         main = self.scopes[0]
         unset = (type(self._unset), self._unset)
         local = {each: value for each, value in enumerate(main.numbered) if (type(value), value) != unset}
@@ -91,18 +91,18 @@ class ParameterTable:
         return self._numbered.get(number, self._unset)
 
     def named(self, name: str) -> float | None:
-        """Return a named parameter; None: there is none."""
+        """Return a named parameter; None if it was never set."""
         return (self._named if name.startswith("_") else self.scopes[-1].named).get(name)
 
     def set_numbered(self, number: int, value: float) -> None:
-        """Set a numbered parameter; 0: one whose number could not be computed."""
+        """Set a numbered parameter; number 0 stands for one that could not be computed."""
         if number <= self._local:
             self.scopes[-1].numbered[number] = value
         else:
             self._numbered[number] = value
 
     def set_named(self, name: str, value: float, span: Span = (1, 2)) -> None:
-        """Set a named parameter; one whose name begins with ``_`` is global.
+        """Set a named parameter; a name that begins with ``_`` is global.
 
         Raises:
             ComputingError: MC164 there are too many.
@@ -114,7 +114,7 @@ class ParameterTable:
 
 
 def check_own(number: int, span: Span) -> None:
-    """Refuse to set what is the machine's.
+    """Refuse to set a parameter of the machine.
 
     Raises:
         ComputingError: MC162.

@@ -1,4 +1,4 @@
-"""What M70 and M73 save of a program's state, and the codes that bring it back (D-138)."""
+"""Save a program's modal state at M70 and M73, and write the codes that restore it (D-138)."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ _SPINDLE = {1: "M3", -1: "M4", 0: "M5"}
 
 
 class SavedState(NamedTuple):
-    """A state as it was saved: codes by groups, and what none brings back."""
+    """A saved state: a code per modal group, and state that codes of one line cannot restore."""
 
     codes: tuple[str, ...]
     lasting: tuple[object, ...]
 
 
 def state_of(interpreter: Interpreter, span: Span) -> SavedState:
-    """Return the state in force.
+    """Return the current state.
 
     Raises:
-        ComputingError: MC208 the machine has outputs that are no part of it.
+        ComputingError: MC208 the machine has outputs that a saved state does not include.
     """
     outputs = sorted({"M7", "M8", "M9"} & interpreter.machine.dialect.outputs.keys())
     if outputs:
@@ -44,10 +44,10 @@ def state_of(interpreter: Interpreter, span: Span) -> SavedState:
 
 
 def restoring_line(saved: SavedState, interpreter: Interpreter, span: Span) -> str:
-    """Return the line of codes that brings a state back; empty: it is in force.
+    """Return the line of codes that restores a state; empty if it is in force.
 
     Raises:
-        ComputingError: MC208 it differs in what codes of one line do not bring back.
+        ComputingError: MC208 state differs that codes of one line cannot restore.
     """
     now = state_of(interpreter, span)
     if now.lasting != saved.lasting:

@@ -1,6 +1,6 @@
-"""Lines of G00 to G03 in columns, equal bit for bit to the block interpreter, which knows the whole dialect.
+"""Interpret lines of G00 to G03 in columns, bit for bit as the block interpreter does line by line.
 
-What a word means in columns is in `vocabulary`, made from the same tables that the block interpreter reads; a
-line with a word that is not there, and whatever may be a fault, is read line by line. Property tests compare
-values, state and faults.
+`vocabulary` is made from the tables of the block interpreter, and has the words that lines in columns may
+have. A line with another word, or with a possible fault, goes to the block interpreter. Property tests
+compare values, state and faults.
 """

@@ -1,8 +1,7 @@
 """Compute many arcs in their planes at once, as `mcserver.gcode.semantics.arc_geometry` does one (D-22).
 
 Bit for bit: sums, products, quotients, square roots and remainders are the same IEEE operations in the same
-order; `math.hypot` and `math.atan2` are those of the standard library, since numpy's may differ in the last
-bit.
+order; `math.hypot` and `math.atan2` come from the standard library, since numpy's may differ in the last bit.
 """
 
 from __future__ import annotations
@@ -26,13 +25,13 @@ Mask = NDArray[np.bool_]
 
 
 class ArcColumns(msgspec.Struct, frozen=True, eq=False):
-    """Arcs in their planes; the numbers of one that is not defined have no meaning.
+    """Arcs in their planes; numbers of an arc that is not defined are meaningless.
 
     Attributes:
         centres: shape (n, 2) [m]. sweeps: signed, shape (n,) [rad].
         radii, growths: mean radius, and end radius less start radius, shape (n,) [m].
-        defined: shape (n,), whether `arc_by_radius` or `arc_by_centre` finds no fault, and
-            nothing is to be said of it (`Arc.nearly_closed`).
+        defined: shape (n,), whether `arc_by_radius` or `arc_by_centre` finds neither a fault nor a warning
+            (`Arc.nearly_closed`).
     """
 
     centres: Array
@@ -42,12 +41,12 @@ class ArcColumns(msgspec.Struct, frozen=True, eq=False):
     defined: Mask
 
     def lengths(self, climbs: Array) -> Array:
-        """Return the lengths of the arcs, or of the helices that climb so far, shape (n,) [m]."""
+        """Return the lengths of the arcs, or of helices with these climbs, shape (n,) [m]."""
         return hypot(self.radii * self.sweeps, self.growths, climbs)
 
 
 def hypot(*columns: Array) -> Array:
-    """Return the root of the sum of squares of columns of numbers."""
+    """Return the square roots of the sums of squares of columns."""
     return np.array(list(map(math.hypot, *[column.tolist() for column in columns])), np.float64)
 
 
@@ -82,7 +81,7 @@ def arcs_of(
     sign = np.where(clockwise, -1.0, 1.0)
     forward = np.mod(sign * (_atan2(y1, x1) - _atan2(y0, x0)), TURN)
     sweeps = sign * np.where(forward < SMALLEST_SWEEP, forward + TURN, forward)
-    # those that all but close have a warning
+    # nearly closed arcs have a warning and are left to the block interpreter
     radii = (start_radius + end_radius) / 2.0
     around = np.flatnonzero(np.abs(sweeps) > NEARLY_CLOSED)
     apart = hypot(*(ends[around] - starts[around]).T)
@@ -91,7 +90,7 @@ def arcs_of(
 
 
 def _allowed(tolerance: RadiusTolerance, radii: Array) -> Array:
-    """Return how far start and end radius may differ [m]."""
+    """Return the largest allowed difference of start and end radius [m]."""
     return np.minimum(tolerance.most, np.maximum(tolerance.least, tolerance.share * np.abs(radii)))
 
 
@@ -108,7 +107,7 @@ def _centres(
     height = np.sqrt(np.where(square > 0.0, square, 0.0))
     # a clockwise minor arc has its centre to the right of the chord, a major one to the left
     aside = np.where(clockwise == (radii > 0.0), -1.0, 1.0) * height
-    # no chord, no direction: such an arc is not defined
+    # an arc without a chord has no direction, and is not defined
     chord = np.where(chord > 0.0, chord, 1.0)
     left = np.stack((-across[:, 1] / chord, across[:, 0] / chord), axis=1)
     return (starts + ends) / 2.0 + aside[:, None] * left, fits

@@ -15,7 +15,7 @@ from mcserver.units import AxisType
 
 
 class AxisRow(NamedTuple):
-    """An axis as columns need it: scales to SI, and its travel with `ROUNDING` [m or rad]."""
+    """An axis for columns: its scales to SI, and its travel widened by `ROUNDING` [m or rad]."""
 
     metric: float
     inch: float
@@ -25,7 +25,7 @@ class AxisRow(NamedTuple):
 
 
 def axis_rows(setup: Setup) -> dict[int, AxisRow]:
-    """Build a row for each axis that the program may use, and whose words say where it goes by themselves."""
+    """Build a row for each usable axis whose words alone determine where it goes."""
     return {
         index: AxisRow(
             metric=axis_scale(axis.type, inch=False),
@@ -49,7 +49,7 @@ class ArcFrame(NamedTuple):
 
 
 def inside_travels(curve: ArcCurve, rows: tuple[AxisRow, ...]) -> bool:
-    """Return True if the arc stays within the axes' travels."""
+    """Return whether the arc stays within the axes' travels."""
     low, high = plane_extrema(curve)
     for column, row in enumerate(rows):
         ends = curve.start[column], curve.end[column]

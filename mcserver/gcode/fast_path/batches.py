@@ -25,11 +25,11 @@ _MAX_BACKOFF = 64
 
 
 class BatchInterpreter:
-    """Find and interpret batches, with a window that adapts to the program.
+    """Finds and interprets batches, with a window that adapts to the program.
 
-    The window grows with the batches found, so that short batches do not read the same lines again and again.
-    After a failed attempt the next one waits, twice as long each time: one odd line between two batches costs
-    little, and so does a program without batches.
+    The window grows with the batches found, so that short batches do not read the same lines repeatedly.
+    After each failed attempt the wait for the next one doubles, so that single other lines between batches,
+    and programs without batches, cost little.
     """
 
     __slots__ = ("_backoff", "_paths", "_retry_at", "_window")
@@ -47,7 +47,7 @@ class BatchInterpreter:
     def interpret(
         self, texts: Sequence[str], number: int, modal: ModalState, commanded: CommandedState, most: int
     ) -> InterpretedBatch | None:
-        """Interpret the batch that the lines begin with, and advance the positions."""
+        """Interpret the batch at the beginning of the lines, and advance the positions."""
         size = min(len(texts), self.window(number), most)
         if size < MIN_LINES:
             return None

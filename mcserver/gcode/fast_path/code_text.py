@@ -1,8 +1,7 @@
-"""Prepare consecutive lines for reading their words in columns: capitals, no comments, no line numbers, and
-``[n]`` as one byte.
+"""Prepare lines for reading in columns: upper case, no comments, no line numbers, ``[n]`` as one byte.
 
-Every byte that is no part of a number is a *letter* here; the line feeds that end the lines are too. Between
-letters stand only digits, signs, points and blanks, and of those `float` accepts exactly the numbers that
+Here a *letter* is every byte that cannot be part of a number, including the line feed at a line's end.
+Between letters are only digits, signs, points and blanks, of which `float` accepts exactly the numbers that
 `mcserver.gcode.text.scanner.TOKEN` accepts.
 """
 
@@ -17,15 +16,15 @@ from mcserver.gcode.text.words import MAX_AXIS
 
 _NUMERIC: Final = b"0123456789+-. \t"
 _SEPARATOR: Final = b","
-# every byte that is no part of a number ends one
+# replaces every letter by the separator
 _SPLIT: Final = bytes(byte if byte in _NUMERIC else _SEPARATOR[0] for byte in range(256))
 _COMMENT: Final = re.compile(r"\([^()\n]*\)|;[^\n]*")
-# a line number: whole, and ahead of a word
+# a line number: whole, and before a word
 _NUMBER: Final = re.compile(rb"(?m)^[ \t]*+N[ \t]*+[0-9]++[ \t]*+(?=[A-Z\x80-\xbf])")
 _INDEX: Final = re.compile(rb"\[[ \t]*[0-9]{1,3}[ \t]*\]")
-# [n] becomes one byte that is not ASCII, so that it counts as a letter
+# [n] becomes one byte beyond ASCII, which counts as a letter
 _INDEXED: Final = 128
-# spellings of [n] in one window; each costs a pass over the text
+# different spellings of [n] in one window; each costs a pass over the text
 _MAX_SPELLINGS: Final = 64
 
 
@@ -37,7 +36,7 @@ class CodeText(NamedTuple):
 
     @classmethod
     def of(cls, texts: Sequence[str]) -> CodeText:
-        """Join lines; what is not ASCII becomes ``?``."""
+        """Join lines; characters beyond ASCII become ``?``."""
         text = "\n".join(texts) + "\n"
         if text.count("\n") != len(texts):
             # a line feed within a line is a fault of that line
@@ -46,9 +45,9 @@ class CodeText(NamedTuple):
         if "(" in text or ";" in text:
             said = speaks(text) if "(" in text else None
             if said is not None:
-                # a line that says something to somebody is read by itself
+                # lines with a comment for an operator or a body are left to the block interpreter
                 text = text[: text.rfind("\n", 0, said.start()) + 1] + "?\n"
-            # a nested or unclosed parenthesis stays, and so ends what is read
+            # a nested or unclosed parenthesis stays, and so ends the batch
             text = _COMMENT.sub(" ", text)
         code = text.encode("ascii", "replace").upper()
         if b"[" in code:
@@ -68,7 +67,7 @@ class CodeText(NamedTuple):
         return CodeText(code, code.translate(None, _NUMERIC))
 
     def numbers(self) -> list[bytes]:
-        """Return the pieces of text about the letters: that of index i + 1 follows letter i."""
+        """Return the text between the letters: item i + 1 follows letter i."""
         return self.code.translate(_SPLIT).split(_SEPARATOR)
 
 

@@ -1,4 +1,4 @@
-"""Feed and modal state along a batch of lines."""
+"""A batch of lines interpreted in columns, and feed and modal state along it."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ MIN_LINES = 6  # fewer lines are slower in columns than one by one
 
 
 class InterpretedBatch(NamedTuple):
-    """Lines that were interpreted in columns.
+    """Lines interpreted in columns.
 
     Attributes:
-        modal: state behind them.
-        values: in the order of the lines; rapids are `MotionLine`, behind the outputs that their S sets.
-        taken: count of lines, blank ones included.
-        without_effect: by letter, the first line's number and how many lines have it.
+        modal: state after them.
+        values: in the order of the lines; rapids are `MotionLine`, after the outputs that their S sets.
+        taken: count of lines, including blank ones.
+        without_effect: by letter without effect, the first line's number and the count of lines.
     """
 
     modal: ModalState
@@ -35,17 +35,17 @@ class InterpretedBatch(NamedTuple):
 
 
 def leading(sound: NDArray[np.bool_]) -> int:
-    """Return how many are sound before the first that is not."""
+    """Return the length of the leading run of True."""
     return len(sound) if sound.all() else int(sound.argmin())
 
 
 def last_written(written: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Return for each line the index, from 1, of the last one up to it where something is written, or 0."""
+    """Return for each line the index, from 1, of the last line so far with a written value, or 0."""
     return np.maximum.accumulate(np.where(written, np.arange(1, len(written) + 1), 0))
 
 
 def feeds_in_force(count: int, feeds: Array | None, modal: ModalState) -> tuple[Array, Array]:
-    """Return F in force on each line as written and as a speed along a path [m/s]; 0: no F is in force.
+    """Return the F in force on each line, as written and as a speed along a path [m/s]; 0: no F is in force.
 
     Args:
         feeds: as written, shape (count,), NaN where none is; None where no line has one.
@@ -63,7 +63,7 @@ def feeds_in_force(count: int, feeds: Array | None, modal: ModalState) -> tuple[
 
 
 def state_after(modal: ModalState, feeds: Array | None, spindle: Array | None, motion: int) -> ModalState:
-    """Return the modal state behind lines with these F and S, the last of them of that motion code."""
+    """Return the modal state after lines with these F and S, the last of which has this motion code."""
     feed = modal.feed
     if spindle is not None:
         spun = spindle[~np.isnan(spindle)]

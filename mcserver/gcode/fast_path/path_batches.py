@@ -1,6 +1,6 @@
-"""Interpret lines of G00 to G03 in columns, whatever words each of them has: the usual parts of CAM.
+"""Interpret lines of G00 to G03 in columns, whatever their words: most lines of CAM output.
 
-Bit for bit as the block interpreter does it line by line; see `mcserver.gcode.fast_path.batches`.
+Bit for bit as the block interpreter does line by line; see `mcserver.gcode.fast_path.batches`.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ Mask = NDArray[np.bool_]
 
 
 class _Kind(NamedTuple):
-    """What lines of one shape make: the axes of their curves, an arc's plane first, and what F measures."""
+    """What lines of one shape produce: axes of their curves, an arc's plane first, and what F measures."""
 
     axes: tuple[int, ...]
     curved: bool
@@ -46,11 +46,11 @@ class _Kind(NamedTuple):
 
 
 class _Lines(NamedTuple):
-    """Lines that are usable as far as their words go.
+    """Lines whose words can be read in columns.
 
     Attributes:
-        kinds, kind: what each makes, as `WordTable` has shapes. motion: code in force, shape (n,).
-        numbers, speeds: F in force, shape (n,).
+        kinds: by index in the table's shapes. motion: code in force, shape (n,).
+        numbers, speeds: F in force, shape (n,), as written and as a speed along a path.
     """
 
     table: WordTable
@@ -70,7 +70,7 @@ class _Lines(NamedTuple):
 
 
 class PathBatchInterpreter:
-    """Interprets lines with a table of the usable axes."""
+    """Interprets batches with a table of the usable axes."""
 
     __slots__ = ("_profile", "_reader", "_rows", "_setup", "_vocabulary")
 
@@ -84,7 +84,7 @@ class PathBatchInterpreter:
     def interpret(
         self, text: CodeText, number: int, modal: ModalState, commanded: CommandedState
     ) -> InterpretedBatch | None:
-        """Interpret the batch that the lines begin with, and advance the positions.
+        """Interpret the batch at the beginning of the text, and advance the positions.
 
         Args:
             number: of the first line.
@@ -113,7 +113,7 @@ class PathBatchInterpreter:
         if table.taken < MIN_LINES or count < 1:
             return None
         speeds = self._straight(lines, axes, points[: count + 1], lengths, travels)
-        # rapids ahead of the first F have none
+        # rapids before the first F have none
         speeds, numbers = (np.where(each > 0.0, each, 1.0) for each in (speeds, lines.numbers))
         timing = (
             lengths[:count],
@@ -140,7 +140,7 @@ class PathBatchInterpreter:
         return InterpretedBatch(after, self._values(batch, lines, points, axes, modal), table.taken, idle)
 
     def _following(self, modal: ModalState) -> tuple[tuple[int, bool], ...]:
-        """Return the outputs that follow S now."""
+        """Return the outputs that follow S at the spindle's present direction."""
         return () if modal.frame is None else self._vocabulary.outputs.get(modal.frame.direction, ())
 
     def _outputs(self, table: WordTable, modal: ModalState) -> SpeedOutputs | None:
@@ -200,7 +200,7 @@ class PathBatchInterpreter:
             for column, scaled in self._following(modal):
                 output = self._setup.machine.outputs[column]
                 refused = (table.spindle < output.low) | (table.spindle > output.high)
-                # the speed of axes is not that of a tool (MC159)
+                # a scaled output follows the speed of axes, not that of a tool: refused (MC159)
                 sound &= ~(refused | (table.spindle > 0.0) & (scaled and bool(self._setup.machine.tools)))
         count = leading(sound)
         used = np.flatnonzero(np.bincount(table.shape[:count])).tolist()
@@ -208,7 +208,7 @@ class PathBatchInterpreter:
         return _Lines(table, known, motion, numbers, speeds).first(count)
 
     def _kind_of(self, shape: Shape, modal: ModalState, commanded: CommandedState) -> _Kind | None:
-        """Return what lines of a shape make; None if that takes the block interpreter."""
+        """Return what lines of a shape produce; None if they need the block interpreter."""
         if shape.curved:
             frame = arc_frame(self._rows, modal.plane, shape.axes, shape.offsets)
             if frame is None or not commanded.synced(frame.axes):
@@ -226,7 +226,7 @@ class PathBatchInterpreter:
     def _points(
         self, table: WordTable, axes: tuple[int, ...], modal: ModalState, commanded: CommandedState
     ) -> Array:
-        """Compute where the first line starts and each ends, shape (n+1, K) [m or rad]."""
+        """Compute the start of the first line and the end of each, shape (n+1, K) [m or rad]."""
         points = np.empty((len(table.lines) + 1, len(axes)))
         for column, axis in enumerate(axes):
             row, start = self._rows[axis], commanded.positions[axis]
@@ -265,7 +265,7 @@ class PathBatchInterpreter:
     def _arcs(
         self, curved: NDArray[np.intp], lines: _Lines, axes: tuple[int, ...], points: Array, modal: ModalState
     ) -> tuple[ArcColumns, Mask]:
-        """Compute the arcs, and which of them are defined and within the travels of their axes."""
+        """Compute the arcs, and whether each is defined and within the travels of its axes."""
         scale = length_scale(modal.inch)
         table = lines.table
         starts, ends, centres = np.empty((3, len(curved), 2))
@@ -325,7 +325,7 @@ class PathBatchInterpreter:
     def _straight(
         self, lines: _Lines, axes: tuple[int, ...], points: Array, lengths: Array, travels: Array
     ) -> Array:
-        """Write lengths and travels of the straight lines; return the speeds of all [m/s or rad/s]."""
+        """Set lengths and travels of the straight lines; return the speeds of all lines [m/s or rad/s]."""
         speeds = lines.speeds.copy()
         for index, kind in lines.kinds.items():
             if kind.curved:
@@ -354,7 +354,7 @@ class PathBatchInterpreter:
         points: Array,
         timing: tuple[Array, Array, Array],
     ) -> None:
-        """Write lengths, travels and speeds of lines whose F counts X Y Z first, as `profile_feed_basis`."""
+        """Set lengths, travels and speeds of lines whose F counts X Y Z first, as `profile_feed_basis`."""
         lengths, travels, speeds = timing
         steps = points[rows + 1] - points[rows]
         open_rows = np.ones(len(rows), np.bool_)

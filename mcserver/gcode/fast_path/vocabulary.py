@@ -1,4 +1,4 @@
-"""What the words of a line mean that is read in columns; whatever is not in it is read line by line."""
+"""The words that lines in columns may have; lines with other words go to the block interpreter."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ class Vocabulary(NamedTuple):
     """The words of a dialect that lines in columns may have.
 
     Attributes:
-        axes: letter → axis. codes: number of a motion code as written → the code that it means.
-        feed_of_axes: F counts the axes by their words (D-30); else those of X Y Z first (D-66).
-        idle: letters of words without effect on motion: S where nothing follows it, E without an extruder.
-        speed: S is kept in the frame. outputs: by direction of the spindle, those that follow S with the
-            motion of its line: their columns, and whether each is scaled.
+        axes: letter → axis. codes: number of a motion code as written → the code that it stands for.
+        feed_of_axes: F counts the named axes (D-30); otherwise X Y Z first (D-66).
+        idle: letters without effect on motion: S if no output follows it, E without an extruder.
+        speed: S is stored in the frame. outputs: by direction of the spindle, the outputs that follow S with
+            the motion of its line: column, and whether scaled.
     """
 
     axes: Mapping[str, int]
@@ -38,7 +38,7 @@ def vocabulary_of(machine: Machine) -> Vocabulary:
         if letter not in INCREMENTAL_LETTERS or letter in dialect.letters
     }
     printer = dialect.profile == "printer"
-    # printers move G0 and G1 alike (D-61)
+    # printers move alike with G0 and G1 (D-61)
     codes = {0: 1 if printer else 0, 1: 1, 2: 2, 3: 3}
     outputs = {
         direction: tuple(
@@ -49,7 +49,7 @@ def vocabulary_of(machine: Machine) -> Vocabulary:
         for direction, code in ((1, "M3"), (-1, "M4"))
     }
     followers = {column for each in outputs.values() for column, _ in each}
-    # others change at rest (D-73)
+    # other outputs change only at rest (D-73)
     at_rest = any(not keeps_to_path(machine, machine.outputs[column]) for column in followers)
     speed = not (dialect.reference or dialect.spindle is not None or at_rest or "S" in axes)
     return Vocabulary(

@@ -1,7 +1,7 @@
-"""Read many lines of G01, G02 and G03 at once, whatever words each of them has, as a table of numbers.
+"""Read many lines of G01, G02 and G03 at once into a table of numbers.
 
 The letters of a line are its pattern: which words it has and where. A program has few patterns, so each is
-looked at once, and the numbers of all its lines are copied at once to where they belong.
+analysed once, and the numbers of all its lines are copied to their columns in one step.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from mcserver.gcode.text.words import LARGEST
 from mcserver.motion.geometry.curves import Array
 
 _LINE_FEED: Final = b"\n"[0]
-# patterns that are remembered; a program has some tens
+# most patterns that are cached; a program has some tens
 _MAX_PATTERNS: Final = 1024
 
 
 class Shape(NamedTuple):
-    """Words of geometry: axis numbers and those of I J K as 0 1 2, in reading order, and whether R is there.
+    """Geometry words: axis numbers, and 0 1 2 for I J K, in reading order, and whether there is an R.
 
     Lines of one shape make the same kind of curve over the same axes.
     """
@@ -34,14 +34,14 @@ class Shape(NamedTuple):
 
     @property
     def curved(self) -> bool:
-        """Return True if these are the words of an arc."""
+        """Return whether these are the words of an arc."""
         return self.radius or bool(self.offsets)
 
 
 class Pattern(NamedTuple):
-    """Places of the words of a line among its letters; -1 for one that is not there.
+    """Indexes of a line's words among its letters; -1 for a missing one.
 
-    Axis words and I J K are in the order of `shape`; ``spindle`` is S. ``idle``: letters without effect.
+    Axis words and I J K in the order of `shape`; ``spindle`` is S. ``idle``: letters without effect.
     """
 
     shape: Shape
@@ -55,17 +55,17 @@ class Pattern(NamedTuple):
 
 
 class WordTable(msgspec.Struct, frozen=True, eq=False):
-    """Lines of G01, G02 or G03 or none of them, with the numbers of their words as written.
+    """Lines of G01, G02 or G03, or without a code, and the numbers of their words as written.
 
     Attributes:
-        taken: count of lines, blank ones included.
-        lines: shape (n,), indices of those that are not blank, from 0.
-        shapes: of the lines. shape: shape (n,), which of them each line has.
+        taken: count of lines, including blank ones.
+        lines: shape (n,), indexes of the lines that are not blank, from 0.
+        shapes: the different shapes. shape: shape (n,), index of each line's shape.
         axes: K axis numbers, increasing. values: shape (n, K), NaN where an axis is not named.
         offsets: I J K, shape (n, 3), NaN where not written. radii: R, shape (n,), likewise.
         codes: 0 to 3 where a code is written, else -1, shape (n,).
-        feeds: shape (n,), F, NaN where none is; None where no line has one. spindle: S, likewise.
-        idle: by pattern, letters of its words without effect. pattern: shape (n,), that of each line.
+        feeds: F, shape (n,), NaN where not written; None if no line has one. spindle: S, likewise.
+        idle: by pattern, letters of words without effect. pattern: shape (n,), index of each line's pattern.
     """
 
     taken: int
@@ -83,7 +83,7 @@ class WordTable(msgspec.Struct, frozen=True, eq=False):
     pattern: NDArray[np.intp]
 
     def first(self, count: int) -> WordTable:
-        """Return the first ``count`` of `lines`, with the blank lines behind them."""
+        """Return the first ``count`` of `lines`, with the blank lines after them."""
         if count >= len(self.lines):
             return self
         return WordTable(
@@ -103,7 +103,7 @@ class WordTable(msgspec.Struct, frozen=True, eq=False):
         )
 
     def without_effect(self) -> dict[str, tuple[int, int]]:
-        """Return by letter without effect the first of `lines` that has it, and how many have."""
+        """Return for each letter without effect the first of `lines` that has it, and the count of these."""
         if not any(self.idle):
             return {}
         found: dict[str, tuple[int, int]] = {}
@@ -115,7 +115,7 @@ class WordTable(msgspec.Struct, frozen=True, eq=False):
 
 
 def pattern_of(letters: bytes, vocabulary: Vocabulary) -> Pattern | None:
-    """Return the places of the words of a line; None if they are not those of one of G01 to G03."""
+    """Return the places of a line's words; None if they are not words of one of G01 to G03."""
     axes: dict[int, int] = {}
     offsets: dict[int, int] = {}
     idle = [ord(letter) for letter in vocabulary.idle]
@@ -146,7 +146,7 @@ def pattern_of(letters: bytes, vocabulary: Vocabulary) -> Pattern | None:
 
 
 class WordReader:
-    """Reads words into columns, and remembers the patterns that it has seen."""
+    """Reads words into columns, and caches patterns."""
 
     __slots__ = ("_patterns", "_vocabulary")
 
@@ -155,11 +155,10 @@ class WordReader:
         self._patterns: dict[bytes, Pattern | None] = {}
 
     def read(self, text: CodeText, least: int) -> WordTable | None:
-        """Read the longest prefix of lines with words of the vocabulary; None below ``least`` lines, and
-        where all of them are blank.
+        """Read the longest prefix of lines in the vocabulary; None if shorter than ``least``, or blank.
 
-        It ends before the first lexical error. The numbers are those of `float`, at most `LARGEST`; nothing
-        else is checked.
+        It ends before the first lexical error. Numbers are as of `float`, at most `LARGEST`; nothing else is
+        checked.
         """
         letters = text.letters.split(b"\n")
         letters.pop()
@@ -171,7 +170,7 @@ class WordReader:
             text = text.first(taken)
             del letters[taken:]
         kinds = np.frombuffer(text.letters, dtype=np.uint8)
-        # a 0 ahead of what stands before a line's first word: a number only if nothing but blanks does
+        # a 0 before the text ahead of a line's first word: a number only if that text is blank
         tokens = CodeText(b"0 " + text.code.replace(b"\n", b"\n0 "), b"").numbers()
         values = _numbers(tokens)
         taken = int(np.count_nonzero(kinds[: _sound(kinds, tokens, values, self._vocabulary)] == _LINE_FEED))
@@ -182,7 +181,7 @@ class WordReader:
         return _table(letters, known, kinds, values, least)
 
     def _known(self, letters: set[bytes]) -> dict[bytes, Pattern | None]:
-        """Return the patterns of lines, blank lines left out."""
+        """Return the patterns of lines, without blank lines."""
         if len(self._patterns) > _MAX_PATTERNS:
             self._patterns.clear()
         for each in letters:
@@ -192,7 +191,7 @@ class WordReader:
 
 
 def _numbers(tokens: list[bytes]) -> Array:
-    """Convert pieces of text up to the first that is no number."""
+    """Convert tokens up to the first that is not a number."""
     try:
         return np.array(tokens, dtype=np.float64)
     except ValueError:
@@ -209,11 +208,11 @@ def _is_number(token: bytes) -> bool:
 
 
 def _sound(kinds: NDArray[np.uint8], tokens: list[bytes], values: Array, vocabulary: Vocabulary) -> int:
-    """Return how many pieces of text are what the letter before them takes: a code of motion, no huge number.
+    """Return how many tokens are valid after their letters: a known motion code after G, no huge number.
 
     Args:
-        values: of the first pieces, up to one that is no number. kinds: the letters: that of a piece is one
-            ahead.
+        kinds: letters; the one before token i has index i - 1. values: of the tokens before the first that is
+            not a number.
     """
     sound = len(values)
     huge = np.abs(values) > LARGEST
@@ -233,14 +232,14 @@ def _table(
     values: Array,
     least: int,
 ) -> WordTable:
-    """Copy the numbers of lines to where they belong; ``least``: what G0 means."""
-    # most windows of long files are of one kind of line
+    """Copy the numbers of lines to their columns; ``least``: the code that G0 stands for."""
+    # usually all lines of a window of a long file have one pattern
     alike = letters.count(letters[0]) == len(letters)
     distinct = letters[:1] if alike else dict.fromkeys(letters)
     patterns = {each: pattern for each in distinct if (pattern := known.get(each)) is not None}
     shapes = tuple(dict.fromkeys(pattern.shape for pattern in patterns.values()))
     axes = tuple(sorted({axis for shape in shapes for axis in shape.axes}))
-    # by letters: which pattern; that of a blank line is the last
+    # index of each line's pattern; blank lines have the last
     place = {each: index for index, each in enumerate(patterns)}
     blank = len(place)
     which = np.zeros(len(letters), np.intp)
@@ -248,7 +247,7 @@ def _table(
         which[:] = [place.get(each, blank) for each in letters]
     lines = np.flatnonzero(which < blank)
     ends = np.flatnonzero(kinds == _LINE_FEED)[: len(letters)]
-    # where the number of a line's first word stands
+    # index of the number of each line's first word
     first = np.concatenate(([1], ends[:-1] + 2))[lines]
     which = which[lines]
     count = len(lines)

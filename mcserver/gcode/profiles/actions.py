@@ -1,4 +1,4 @@
-"""Carry out what a profile's line says beside the reference's words (D-60, D-61)."""
+"""Execute the actions of a profile's line: what it has besides words of the reference (D-60, D-61)."""
 
 from __future__ import annotations
 
@@ -71,10 +71,10 @@ from mcserver.units import TURN, AxisType
 
 
 class Effects(msgspec.Struct):
-    """What the actions of a line give to motion.
+    """Values that the actions of a line add to its motion.
 
     Attributes:
-        before: values ahead of the line's motion. groups: start together with it. after: behind it.
+        before: ahead of the line's motion. groups: start together with it. after: after it.
     """
 
     before: list[Canonical] = []
@@ -83,10 +83,10 @@ class Effects(msgspec.Struct):
 
 
 def act_before(block: BlockState, actions: tuple[Action, ...], effects: Effects) -> None:
-    """Carry out what comes ahead of a line's settings and motion."""
+    """Execute actions that precede the line's settings and motion."""
     began = block.frame
     spindle = False
-    # which speed S gives is known before S is read
+    # G96 and G97 first: they decide how S is read
     for action in actions:
         if action.code in SPINDLE_SPEEDS:
             choose_speed(block, action, stops=any(each.code == "M5" for each in actions))
@@ -160,7 +160,7 @@ def act_before(block: BlockState, actions: tuple[Action, ...], effects: Effects)
             if code == "G69":
                 end_plane(block)
         elif code == "G80":
-            # no motion code is in force behind it, nor is a cycle
+            # afterwards no motion code or cycle is in force
             block.end_motion_code()
         elif code in ("G92.1", "G92.2", "G92.3"):
             refuse_other_offset(block, action, frame.local, "write G52 with words of 0 ahead of it")
@@ -171,7 +171,7 @@ def act_before(block: BlockState, actions: tuple[Action, ...], effects: Effects)
 
 
 def act_after(block: BlockState, actions: tuple[Action, ...], effects: Effects) -> None:
-    """Carry out the codes with axis words of their own, behind the line's settings."""
+    """Execute codes with axis words of their own, after the line's settings."""
     for action in actions:
         if action.code == "G92":
             set_g92(block, action)
@@ -217,13 +217,13 @@ def act_after(block: BlockState, actions: tuple[Action, ...], effects: Effects) 
 
 
 def act_at_end(block: BlockState) -> list[Canonical]:
-    """Return what M2 and M30 do to outputs: M5 and M9, where the machine file maps them (D-73)."""
+    """Return the output changes of M2 and M30: M5 and M9, if the machine file maps them (D-73)."""
     whole = (1, len(block.parsed.text) + 1)
     return [each for code in ("M5", "M9") for each in read_mapped(block, code, Action(code, whole, {}), 0.0)]
 
 
 def _refuse_unmapped(block: BlockState, action: Action) -> None:
-    """Refuse a code of a spindle that outputs switch by others: it would go on as it was."""
+    """Refuse a spindle code without outputs beside mapped ones: the spindle would continue as it was."""
     dialect = block.setup.machine.dialect
     mapped = sorted(SPINDLE & dialect.outputs.keys())
     if mapped and dialect.spindle is None and action.code not in mapped:
@@ -240,14 +240,14 @@ def _set_mapped(block: BlockState, action: Action, speed: float | None, effects:
     wait = block.setup.machine.dialect.waits.get(action.code)
     if wait is not None:
         number = block.parsed.number
-        # what the input says right away may still be of the value before
+        # otherwise the input may still show the value from before
         if wait.settle > 0.0:
             effects.before.append(MotionLine(number, (DwellGroup(wait.settle),)))
         effects.before.append(InputLine(number, wait.column, WaitMode.HIGH, wait.timeout))
 
 
 def _follow_speed(block: BlockState, action: Action, actions: tuple[Action, ...], effects: Effects) -> None:
-    """Let outputs that follow S do so while the spindle turns; a line with M3 to M5 does it there."""
+    """Set outputs that follow S while the spindle turns; on a line with M3 to M5 that code sets them."""
     frame = block.frame
     if frame.direction == 0 or any(each.code in SPINDLE for each in actions):
         return
@@ -268,7 +268,7 @@ def _dwell(block: BlockState, action: Action, effects: Effects) -> None:
     words = action.words
     seconds: float | None = None
     word: ProfileWord | None = None
-    # S is seconds for printers; elsewhere it is the spindle's
+    # S is seconds for printers; in other profiles it is the spindle's
     printer = block.setup.machine.dialect.profile == "printer"
     if (printer and "S" in words) or "X" in words:
         word = words["S"] if printer and "S" in words else words["X"]
@@ -293,7 +293,7 @@ def _turn_spindle(block: BlockState, began: Frame, actions: tuple[Action, ...], 
     if index is None:
         return
     place = next(action for action in actions if action.code in {"S", *SPINDLE, *SPINDLE_SPEEDS})
-    # nobody is to take a spindle for turning or standing that this program does not reach
+    # refuse a spindle that the program may not use: it must not be believed to turn or stand
     axis = block.usable_axis(index, place)
     if axis is None:
         return
@@ -312,20 +312,20 @@ def _turn_spindle(block: BlockState, began: Frame, actions: tuple[Action, ...], 
     starts = {action.code for action in actions} & {"M3", "M4"} - block.setup.machine.dialect.waits.keys()
     (before,) = spindle_group(block, began, axis).velocities
     if starts and speed != before:
-        # no tool is to cut before its spindle has its speed; nothing but its acceleration says when that is
+        # wait until the spindle has its speed before a tool cuts; only its acceleration tells how long
         motion = CycleMotion(block)
         motion.turn(index, speed, stopping_seconds(axis, abs(speed - before) / TURN), group.surface)
         effects.before[:0] = motion.lines
         return
     if any(isinstance(value, MotionLine | InputLine) for value in effects.before):
-        # a dwell or a wait behind M3 lets the spindle come to speed
+        # a dwell or wait after M3 lets the spindle come to speed
         effects.before.insert(0, MotionLine(block.parsed.number, (group,)))
     else:
         effects.groups.append(group)
 
 
 def _go_home(block: BlockState, action: Action, effects: Effects) -> None:
-    """Go by rapids to the point that the words give, then to the stored position of these axes."""
+    """Move by rapids to the point that the words give, then to the stored position of these axes."""
     modal = block.modal
     named = axis_values(block, action)
     home = block.frame.stored.get(int(action.code[1:3]), {})
@@ -353,13 +353,13 @@ def _go_home(block: BlockState, action: Action, effects: Effects) -> None:
             f"write G91 {action.code} with words of 0, which goes straight to the stored position",
         )
     axes = list(named) or sorted(block.setup.machine.dialect.homed & block.setup.leased)
-    # a printer's words name axes and no point on the way
+    # a printer's words only name axes
     if block.setup.machine.dialect.profile != "printer":
         _rapid(block, action, through, effects)
     _rapid(block, action, {axis: stored_end(block, axis, home.get(axis, 0.0)) for axis in axes}, effects)
     block.transformation = transformation.without(axes)
     if LENGTH_AXIS in axes:
-        # a Z that is homed is lifted no longer (Marlin)
+        # homing Z ends its lift (Marlin)
         block.frame = block.frame.unlifted
 
 

@@ -9,9 +9,9 @@ from mcserver.gcode.profiles.codes import KLIPPER_ADVANCE
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.text.profile_words import Action, ProfileWord
 
-# K, the extruder and the smooth time
+# letters of K, of the extruder and of the smooth time
 _WORDS = {"M900": ("K", "T", None), "M572": ("S", "D", "W"), KLIPPER_ADVANCE: ("K", "T", "W")}
-# Bambu Studio says behind K how its firmware is to take it
+# Bambu Studio adds L and M for its firmware after K
 _CURVE = re.compile(r"(?<=[0-9.])[ \t]*L[ \t]*[0-9.]+[ \t]*M[ \t]*[0-9.]+[ \t]*\Z")
 _PARAMETER = re.compile(r"[ \t]*([A-Z_]+)[ \t]*=[ \t]*([^ \t=]+)")
 _NUMBERS = {"ADVANCE": "K", "SMOOTH_TIME": "W"}
@@ -19,12 +19,12 @@ _NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)")
 
 
 def without_curve(code: str) -> str:
-    """Return a line without what Bambu Studio writes behind K, as long as it was."""
+    """Replace what Bambu Studio writes after K by blanks."""
     return _CURVE.sub(lambda match: " " * len(match[0]), code)
 
 
 def klipper_words(code: str, start: int, faults: FaultList) -> dict[str, ProfileWord]:
-    """Return the parameters of a line of Klipper's behind its name as words; faults are reported."""
+    """Return the parameters after the name of a Klipper macro as words; faults are reported."""
     found = {}
     while code[start:].strip():
         match = _PARAMETER.match(code, start)
@@ -45,7 +45,7 @@ def klipper_words(code: str, start: int, faults: FaultList) -> dict[str, Profile
 
 
 def set_advance(block: BlockState, action: Action) -> None:
-    """Set K of E for the moves behind a line; faults are reported."""
+    """Set K of E for the moves after a line; faults are reported."""
     code, words, faults = action.code, action.words, block.faults
     machine = block.setup.machine
     extruder = machine.dialect.extruder

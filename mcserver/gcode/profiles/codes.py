@@ -1,4 +1,4 @@
-"""The codes that profiles add: those that act, those without effect, those that are refused (D-60)."""
+"""Codes that profiles add: which ones act, have no effect, or are refused (D-60)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Final
 from mcserver.machine.dialect_section import Dialect
 from mcserver.machine.work_systems import WORK_SYSTEMS
 
-# read by the reference's grammar, in the order of RS-274's execution
+# settings that the reference's grammar reads, in RS-274's order of execution
 SETTINGS: Final = frozenset(
     {"G9", "G17", "G18", "G19", "G20", "G21", "G61", "G64", "G90", "G91", "G93", "G94"}
 )
@@ -31,19 +31,19 @@ _FRAME = {
     "G92.3",
     *WORK_SYSTEMS,
 }
-# cutter compensation: its side, left of the path is 1 (D-85)
+# cutter compensation, by side: 1 is left of the path (D-85)
 COMPENSATING: Final[Mapping[str, int]] = MappingProxyType({"G41": 1, "G41.1": 1, "G42": -1, "G42.1": -1})
-# the tip led on the work piece, with rotary axes as written, or by the tool's direction (D-86, D-140)
+# tool tip control, by rotary axes as written or by the tool's direction (D-86, D-140)
 TIP_CONTROL: Final = frozenset({"G43.4", "G43.5"})
 TOOL_LENGTHS: Final = frozenset({"G43", "G43.1", "G49"}) | TIP_CONTROL
 _MACHINING = {"G4", *TOOL_LENGTHS, "M3", "M4", "M5", "M6", "M61"}
-# canned cycles, and what goes with them (D-75)
+# canned cycles, and codes that go with them (D-75)
 TAPPING: Final = frozenset({"G74", "G84"})
-# rigid taps of Fanuc's older mills, right and left: here every tap is rigid
+# rigid taps of Fanuc's older mills, right and left: the codes that they stand for, as every tap here is rigid
 RIGID_TAPS: Final[Mapping[str, float]] = MappingProxyType({"G84.2": 84.0, "G84.3": 74.0})
 DRILLING: Final = frozenset({"G73", "G81", "G82", "G83", "G85", "G86", "G89"}) | TAPPING
 PECKING: Final = frozenset({"G73", "G83"})
-# of each the words beside R, L, F and axis words that are more than 0
+# words of a cycle, besides R, L, F and axis words, that have to be above 0
 CYCLE_WORDS: Final[Mapping[str, str]] = MappingProxyType(
     {
         **dict.fromkeys(PECKING, "PQIJK"),
@@ -52,30 +52,30 @@ CYCLE_WORDS: Final[Mapping[str, str]] = MappingProxyType(
         **dict.fromkeys(TAPPING, "PQK"),
     }
 )
-# motion by the turns of the spindle (D-89, D-90)
+# motion synchronous to the spindle (D-89, D-90)
 THREADING: Final = frozenset({"G33", "G33.1", "G76"})
 # rotation, scaling, mirrors and polar coordinates (D-94 to D-96)
 TRANSFORMING: Final = frozenset({"G15", "G16", "G50", "G50.1", "G51", "G51.1", "G68", "G69"})
-# a tilted plane, and the tool turned towards it (D-111)
+# a tilted plane, and turning the tool towards it (D-111)
 TILTING: Final = frozenset({"G68.2", "G53.1"})
 # curves by control points (D-97)
 SPLINES: Final = frozenset({"G5", "G5.1", "G5.2", "G5.3"})
-# X as a diameter, and as a radius (D-137)
+# X as diameter and as radius (D-137)
 DIAMETERS: Final = frozenset({"G7", "G8"})
-# firmware retraction of printers, and what their lines are called as actions: in cnc G10 is a table's (D-115)
+# firmware retraction of printers, by code: the action, since G10 sets tables in cnc (D-115)
 RETRACTING: Final[Mapping[str, str]] = MappingProxyType(
     {"G10": "RETRACT", "G11": "RECOVER", "M207": "M207", "M208": "M208"}
 )
-# factors of F and of E: they and those above take all words of their line (D-141)
+# factors of F and of E; like retractions they take all words of their line (D-141)
 FACTORS: Final = frozenset({"M220", "M221"})
 # pressure advance of Marlin, RepRapFirmware and Klipper (D-143)
 KLIPPER_ADVANCE: Final = "SET_PRESSURE_ADVANCE"
 ADVANCE: Final = frozenset({"M900", "M572", KLIPPER_ADVANCE})
-# the mesh of a printer's bed, of Marlin; Klipper's macros become one of them (D-144)
+# a printer's bed mesh in Marlin's codes; Klipper's macros are translated to them (D-144)
 BED_MESH: Final = frozenset({"G29", "M420"})
 _CYCLE_MODES: Final = frozenset({"G80", "G98", "G99"})
 
-# codes of printers that stop until somebody resumes, with what they say to the operator; "": the program ends
+# codes of printers that stop until somebody resumes, with the message for the operator; "": the program ends
 PRINTER_STOPS: Final[Mapping[str, str]] = MappingProxyType(
     {
         "M25": "the program pauses itself (M25)",
@@ -87,11 +87,11 @@ PRINTER_STOPS: Final[Mapping[str, str]] = MappingProxyType(
         "M601": "the program pauses itself (M601)",
     }
 )
-# of printers: would shift where the parts lie
+# of printers: would shift the parts
 _SHIFTS_OF_PRINTERS: Final = ("M206", "M218", "M290", "M428")
-# of printers: run another file, which may move, as M98 P"home.g" does in RepRapFirmware
+# of printers: run another file, which may move, such as M98 P"home.g" in RepRapFirmware
 FILES_OF_PRINTERS: Final = ("M32", "M98")
-# of printers: E in mm³ of a filament of diameter D; with D0 or S0, or without words, it has no effect
+# of printers: E in mm³ of a filament of diameter D; no effect with D0 or S0, or without words
 VOLUMETRIC: Final = "M200"
 
 # codes that act, by profile
@@ -118,15 +118,15 @@ ACTING: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
 
 
 def settings_of(profile: str) -> frozenset[str]:
-    """Return the settings of a profile: Marlin's G61 moves to where G60 was (exact stop: G61.1 there)."""
+    """Return the settings of a profile: Marlin's G61 returns to where G60 was (its exact stop is G61.1)."""
     return SETTINGS - {"G61"} if profile == "printer" else SETTINGS
 
 
 def acting_of(dialect: Dialect) -> frozenset[str]:
-    """Return the codes of a profile that act on a machine, beside those that its file maps."""
+    """Return the codes of a profile that act on a machine, besides those that its file maps."""
     acting = ACTING[dialect.profile]
     if dialect.fanuc:
-        # G7 is another code on its controllers
+        # G7 is another code on Fanuc's controllers
         return acting - DIAMETERS
     if dialect.profile == "printer" and dialect.extruder is None:
         acting = acting - RETRACTING.keys() - {"M221"}
@@ -135,9 +135,9 @@ def acting_of(dialect: Dialect) -> frozenset[str]:
     return acting if dialect.mesh_axis is None else acting | BED_MESH
 
 
-# act in every profile of a machine that has a probe
+# act in every profile if the machine has a probe
 PROBING: Final = frozenset({f"G38.{n}" for n in range(2, 6)})
-# of these the axis words, where a line has one of them
+# codes that take the axis words of their line
 TAKES_AXES: Final = (
     frozenset({"G10", "G28", "G28.1", "G30", "G30.1", "G43.1", "G52", "G92", "REPEAT"})
     | {"G50.1", "G51", "G51.1", "G68"}
@@ -158,13 +158,13 @@ MOVING: Final = (
 )
 
 _NO_COMPENSATION = {"G40", "G40.1", "G50", "G69"}
-# analog outputs: a machine without any leaves them alone
+# analog outputs: without effect on a machine without any
 SET_OUTPUTS: Final = frozenset({"M67", "M68"})
-# refused codes that only programs of a lathe have
+# refused codes that only lathe programs have
 LATHE: Final = frozenset({"G7", "G50", "G70", "G71", "G72", "G96"})
-# a feed below it under G99 is one per revolution: a lathe's [mm/min]
+# a smaller feed under G99 is one per revolution, in a program for a lathe [mm/min]
 LEAST_FEED_UNDER_G99: Final = 5.0
-# a feed above it under G95 was meant as one per minute [mm]
+# a larger feed under G95 was meant per minute [mm]
 LARGEST_FEED_PER_TURN: Final = 50.0
 IGNORED: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
     {
@@ -188,9 +188,9 @@ IGNORED: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
     }
 )
 SPINDLE: Final = frozenset({"M3", "M4", "M5"})
-# what S counts: a surface speed, or turns (D-120)
+# whether S is a surface speed or turns (D-120)
 SPINDLE_SPEEDS: Final = frozenset({"G96", "G97"})
-# M62 to M68: the letters of their own words
+# letters of the words that M62 to M68 take
 IO_WORDS: Final[Mapping[str, str]] = MappingProxyType(
     {
         "M62": "P",
@@ -202,8 +202,8 @@ IO_WORDS: Final[Mapping[str, str]] = MappingProxyType(
         "M68": "EQ",
     }
 )
-# Letters of the words that a code takes beside S, T and axis words; "*": any. A word that no code of its line
-# takes is a fault: left out it could change what the line does.
+# Letters of the words that a code takes besides S, T and axis words; "*": any. A word that no code of the
+# line takes is a fault: without it the line might do something else.
 OWN_WORDS: Final[Mapping[str, str]] = MappingProxyType(
     {
         "G4": "P",
@@ -230,7 +230,7 @@ OWN_WORDS: Final[Mapping[str, str]] = MappingProxyType(
 )
 # of printers: flags and the extruder's position
 PRINTER_WORDS: Final[Mapping[str, str]] = MappingProxyType({"G28": "*", "G92": "E"})
-# the state that holds here anyway: not worth a word
+# codes for what is always in force here: no notice that they have no effect
 SILENT: Final = frozenset({"G91.1", "G97"})
 
 _MACRO_B = (
@@ -302,21 +302,21 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
     }
 )
 
-# macros of printers' firmware that slicers write by themselves and that move nothing
+# macros of printers' firmware that slicers write and that move nothing
 HARMLESS_MACRO: Final = re.compile(
     r"(?:EXCLUDE_OBJECT|SET_PRESSURE_ADVANCE|SET_VELOCITY_LIMIT|SET_PRINT_STATS|TIMELAPSE|BED_MESH|RESPOND|SET_FAN"
     r"|SET_HEATER_TEMPERATURE|TEMPERATURE_WAIT|TURN_OFF_HEATERS|SET_DISPLAY_TEXT|SET_LED|GET_POSITION"
     r"|QUERY_|STATUS_)"
 )
 
-# macros that move axes, pause, or change what the words behind them mean: nobody is told to leave them out
+# macros that move axes, pause, or change the meaning of later words: no hint to leave them out
 MOVING_MACRO: Final = re.compile(
     r"(?:SET_GCODE_OFFSET|(?:SAVE|RESTORE)_GCODE_STATE|FORCE_MOVE|MANUAL_\w+|SET_KINEMATIC_POSITION|PROBE\w*"
     r"|ACTIVATE_EXTRUDER|SYNC_EXTRUDER_MOTION|SET_EXTRUDER_ROTATION_DISTANCE|SET_DUAL_CARRIAGE|SKEW_PROFILE"
     r"|PAUSE|RESUME|CANCEL_PRINT)\Z"
 )
 
-# what is printed otherwise where codes have no effect: their beginnings, and what then holds
+# effects on the print where codes have no effect: beginnings of codes, and the consequence
 CONSEQUENCES: Final = (
     (
         re.compile(r"(?:M10[49]|M1[49]0|SET_HEATER_TEMPERATURE|TEMPERATURE_WAIT)\Z"),
@@ -337,5 +337,5 @@ CONSEQUENCES: Final = (
 
 
 def code_name(letter: str, number: float) -> str:
-    """Return a code as the tables have it: G1, G59.1, M104."""
+    """Return a code as in the tables: G1, G59.1, M104."""
     return f"{letter}{number:g}"

@@ -16,7 +16,7 @@ from mcserver.units import AxisType
 
 
 def begin_compensation(block: BlockState, action: Action) -> None:
-    """Begin cutter compensation, by the diameter of a tool of the table or by that in D (D-85)."""
+    """Begin cutter compensation, with the diameter of a tool of the table or of the word D (D-85)."""
     plane = PLANES[block.modal.plane or 17]
     before = block.compensation
     if before is not None and (before.side or before.held is not None):
@@ -54,7 +54,7 @@ def begin_compensation(block: BlockState, action: Action) -> None:
 
 
 def end_compensation(block: BlockState) -> None:
-    """End cutter compensation: the next move in the plane leads out."""
+    """End cutter compensation: the next move in the plane is the lead-out."""
     before = block.compensation
     if before is not None:
         on_path = before.held is None and before.place is None

@@ -1,7 +1,7 @@
 """Motion of canned cycles: rapids, feed moves, dwells and turns of the spindle, within the axes' travel.
 
-Heights are coordinates along the program's directions, from the machine's zero: those of an axis, where these
-are along the axes.
+Heights are coordinates along the program's directions from the machine's zero; positions of an axis, if the
+directions are along the axes.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from mcserver.motion.geometry.curves import LineCurve
 
 
 class CycleMotion:
-    """Lines of motion of one block, one behind the other.
+    """Builds the consecutive motion lines of one block.
 
     Args:
-        speed: of feed moves [m/s]. exact_stop: each feed move ends at rest; else as a G01 of the block would.
+        speed: of feed moves [m/s]. exact_stop: each feed move ends at rest; else as for a G01 of the block.
     """
 
     def __init__(self, block: BlockState, speed: float = 0.0, *, exact_stop: bool = True) -> None:
@@ -39,11 +39,11 @@ class CycleMotion:
         self.lines: list[Canonical] = []
 
     def at(self, axis: int) -> float:
-        """Return the height that the tool has come to along an axis [m]."""
+        """Return the tool's present height along an axis [m]."""
         return height(self._block, axis, self._block.commanded.positions)
 
     def ends(self, axis: int, level: float) -> dict[int, float]:
-        """Return where the axes of one direction are at a height [m], all else as it is now."""
+        """Return the ends of the axes along one direction at a height [m]; all else stays."""
         directions, positions = self._block.frame.directions, self._block.commanded.positions
         if coupled(directions, frozenset((axis,))) == {axis}:
             return {axis: along(directions, {axis: level})[axis]}
@@ -51,13 +51,13 @@ class CycleMotion:
         return {each: positions[each] + way[each] for each in sorted(way)}
 
     def rapid(self, targets: Mapping[int, float]) -> None:
-        """Let axes go by themselves, those that are there already left out."""
+        """Add a rapid of axes that are not at their targets yet."""
         positions = self._block.commanded.positions
         far = {axis: end for axis, end in targets.items() if abs(end - positions[axis]) > ROUNDING}
         if not far:
             return
         starts = {axis: self._block.commanded.start(axis) for axis in far}
-        # along a hole that no axis goes along every way counts
+        # along a tilted hole no axis may leave the line
         straight = self._block.frame.directions is not None
         group = rapid_group(self._block.setup, self._block.modal, starts, far, straight=straight)
         self.lines.append(MotionLine(self._block.parsed.number, (group,), exact_stop=True))
@@ -65,7 +65,7 @@ class CycleMotion:
             self._block.end_at(axis, end)
 
     def feed(self, axis: int, level: float, speed: float | None = None) -> None:
-        """Move along one direction at F, or at a speed of its own [m/s]."""
+        """Add a move along one direction at F, or at its own speed [m/s]."""
         length = abs(level - self.at(axis))
         if length <= ROUNDING:
             return
@@ -87,25 +87,25 @@ class CycleMotion:
             self._block.end_at(each, end)
 
     def turn(self, axis: int, speed: float, seconds: float, surface: SurfaceSpeed | None = None) -> None:
-        """Let the spindle turn [rad/s], and wait for its ramp."""
+        """Turn the spindle [rad/s], and wait for its ramp."""
         group = SpeedGroup((axis,), (speed,), surface)
         self.lines.append(MotionLine(self._block.parsed.number, (group,)))
         self._block.commanded.invalidate((axis,))
         self.dwell(seconds)
 
     def dwell(self, seconds: float) -> None:
-        """Wait at the bottom."""
+        """Add a dwell at the bottom."""
         if seconds > 0.0:
             self.lines.append(MotionLine(self._block.parsed.number, (DwellGroup(seconds),)))
 
 
 def height(block: BlockState, axis: int, place: Mapping[int, float]) -> float:
-    """Return the coordinate of a place along a direction of the program, from the machine's zero [m]."""
+    """Return a place's coordinate along a direction of the program, from the machine's zero [m]."""
     return back(block.frame.directions, place).get(axis, 0.0)
 
 
 def check_travel(block: BlockState, axis: int, end: float, source: ProfileWord | Action) -> bool:
-    """Report a place beyond the travel of an axis (MC201); return whether it is."""
+    """Report a position beyond the travel of an axis (MC201); return whether it is."""
     limits = block.setup.axes[axis]
     if limits.min_position - ROUNDING <= end <= limits.max_position + ROUNDING:
         return False

@@ -1,4 +1,4 @@
-"""Words that give diameters: X under G7, and what G76 says of a thread, become radii (D-137)."""
+"""Convert words that give diameters to radii: X under G7, and those of a thread in G76 (D-137)."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ _W = TypeVar("_W", Word, ProfileWord)
 
 
 def counts_diameters(parsed: ParsedLine, before: bool) -> bool:
-    """Return whether X counts diameters in a line, in which G7 and G8 come first."""
+    """Return whether X is a diameter in a line; its own G7 or G8 counts."""
     actions = () if parsed.profile is None else parsed.profile.actions
     codes = [each.code for each in actions if each.code in ("G7", "G8")]
     return codes[-1] == "G7" if codes else before
 
 
 def in_radii(parsed: ParsedLine) -> ParsedLine:
-    """Return a line with radii in place of its diameters, its text as it is; the words of arcs are radii."""
+    """Return a line with radii for its diameters and its text unchanged; words of arcs are radii already."""
     profile = parsed.profile
     if profile is not None:
         actions = tuple(_halved_action(action) for action in profile.actions)
@@ -41,7 +41,7 @@ def in_radii(parsed: ParsedLine) -> ParsedLine:
 
 
 def refuse_beside_diameters(block: BlockState, polar: bool) -> None:
-    """Refuse what no controller has defined together with G7 (MC185)."""
+    """Refuse codes that no controller defines together with G7 (MC185)."""
     frame = block.frame
     if not (polar or frame.tip_tool is not None or block.modal.transformation is not None):
         return

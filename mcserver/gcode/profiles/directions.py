@@ -1,4 +1,4 @@
-"""Where a program's X, Y and Z point along the machine's axes: a rotation matrix (D-110, D-111)."""
+"""Directions of a program's X, Y and Z along the machine's axes, as a rotation matrix (D-110, D-111)."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 Vector = tuple[float, float, float]
-# rows: the axes X, Y, Z; columns: where the program's X, Y and Z point
+# rows: the axes X, Y, Z; columns: directions of the program's X, Y and Z
 Directions = tuple[Vector, Vector, Vector]
 UNTURNED: Directions = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-# what rounding leaves of a right angle
+# rounding error of the cosine of a right angle
 _NOTHING = 1e-13
-# how far two vectors are off a right angle where they give no plane (Fanuc) [deg]
+# deviation from a right angle at which two vectors do not define a plane (Fanuc) [deg]
 OFF_SQUARE = 5.0
-# sine of an angle at the first of three points below which they give none
+# sine of the angle at the first of three points below which they define no plane
 _ON_ONE_LINE = 1e-4
 
 
@@ -40,7 +40,7 @@ def by_euler_angles(first: float, second: float, third: float) -> Directions:
 
 
 def by_roll_pitch_yaw(angles: Vector, order: Sequence[int]) -> Directions:
-    """Return directions turned about X, Y and Z that stay where they are, in an order of these axes [deg]."""
+    """Return directions turned about the fixed axes X, Y and Z [deg] in a given order."""
     found = UNTURNED
     for axis in order:
         found = product(about(axis, angles[axis]), found) or UNTURNED
@@ -48,7 +48,7 @@ def by_roll_pitch_yaw(angles: Vector, order: Sequence[int]) -> Directions:
 
 
 def by_three_points(first: Vector, second: Vector, third: Vector) -> Directions | None:
-    """Return directions with X from the first point to the second, and the third where Y is above 0.
+    """Return directions with X from the first point to the second, and positive Y at the third.
 
     Returns:
         None: they lie on one line.
@@ -61,10 +61,10 @@ def by_three_points(first: Vector, second: Vector, third: Vector) -> Directions 
 
 
 def by_two_vectors(x: Vector, z: Vector) -> Directions | None:
-    """Return directions with X along one vector, and Z as near to the other one as that allows (Fanuc).
+    """Return directions with X along one vector, and Z as close to the other one as possible (Fanuc).
 
     Returns:
-        None: one of them is 0, or they are `OFF_SQUARE` or more off a right angle.
+        None: one of them is 0, or they deviate from a right angle by `OFF_SQUARE` or more.
     """
     first, second = _unit(x), _unit(z)
     if first is None or second is None:
@@ -74,7 +74,7 @@ def by_two_vectors(x: Vector, z: Vector) -> Directions | None:
 
 
 def _by_x_and_z(x: Vector, near_z: Vector) -> Directions:
-    """Return directions with this X, and Z in the plane of X and a vector that is askew to it."""
+    """Return directions with this X, and Z in the plane of X and a vector not parallel to it."""
     y = _unit(_cross(near_z, x))
     assert y is not None
     rows = tuple(zip(x, y, _cross(x, y), strict=True))
@@ -90,13 +90,13 @@ def _cross(a: Vector, b: Vector) -> Vector:
 
 
 def _unit(vector: Vector) -> Vector | None:
-    """Return a vector of length 1; None for one of length 0."""
+    """Return the unit vector; None for a vector of length 0."""
     length = math.hypot(*vector)
     return None if length == 0.0 else (vector[0] / length, vector[1] / length, vector[2] / length)
 
 
 def product(outer: Directions | None, inner: Directions | None) -> Directions | None:
-    """Return directions within others, along the axes that the outer ones are along."""
+    """Return directions given within others, as directions along the axes of the outer ones."""
     if outer is None or inner is None:
         return inner if outer is None else outer
     a, b, c = zip(*inner, strict=True)
@@ -105,24 +105,24 @@ def product(outer: Directions | None, inner: Directions | None) -> Directions | 
 
 
 def _cosine(first: Iterable[float], second: Iterable[float]) -> float:
-    """Return that of the angle between unit vectors, without what rounding leaves of a right one."""
+    """Return the cosine of the angle between unit vectors, exactly 0 at a right angle."""
     cosine = math.fsum(a * b for a, b in zip(first, second, strict=True))
     nearest = float(round(cosine))
     return nearest if abs(cosine - nearest) < _NOTHING else cosine
 
 
 def along(directions: Directions | None, place: Mapping[int, float]) -> dict[int, float]:
-    """Return a vector of the program along the axes; other axes stay, components left out are 0."""
+    """Convert a program's vector to the axes; missing components are 0, other axes are kept."""
     return _turned(directions, place, transposed=False)
 
 
 def back(directions: Directions | None, place: Mapping[int, float]) -> dict[int, float]:
-    """Return a vector along the axes in the program's directions; as `along`."""
+    """Convert a vector along the axes to the program's directions; as `along`."""
     return _turned(directions, place, transposed=True)
 
 
 def coupled(directions: Directions | None, axes: frozenset[int]) -> frozenset[int]:
-    """Return the axes that go along with these ones, themselves among them."""
+    """Return the axes that move together with these, including these."""
     if directions is None:
         return axes
     found = set(axes)
@@ -151,7 +151,7 @@ def _turned(
 
 
 def cosine_and_sine(degrees: float) -> tuple[float, float]:
-    """Return both of an angle, exact at multiples of 90 degrees."""
+    """Return cosine and sine of an angle, exact at multiples of 90 degrees."""
     quarters = degrees / 90.0
     if abs(quarters - round(quarters)) < _NOTHING:
         return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[round(quarters) % 4]

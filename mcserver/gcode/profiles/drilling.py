@@ -1,4 +1,4 @@
-"""Expand canned cycles for holes into rapids, feed moves and taps (D-75, D-89)."""
+"""Expand canned cycles for holes to rapids, feed moves and taps (D-75, D-89)."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from mcserver.motion.canonical import Canonical
 from mcserver.motion.thread_cam import stopping_seconds
 from mcserver.units import MM, TURN, AxisType
 
-# how the spindle turns as a tap goes in: 1 as by M3
+# direction of the spindle as a tap goes in: 1 as by M3
 _SENSE: Final[Mapping[str, int]] = MappingProxyType({"G74": -1, "G84": 1})
-# the plane's two axes and the axis that drills, by the number of the plane's code
+# the plane's two axes and the drilling axis, by number of the plane's code
 _AXES: Final[Mapping[int, tuple[int, int, int]]] = {17: (0, 1, 2), 18: (2, 0, 1), 19: (1, 2, 0)}
 _LETTERS: Final = "XYZ"
-# how far a peck ends its rapid above the depth that is drilled already, and G73 goes up to break the chip [m]
+# height above the drilled depth at which a peck's rapid ends, and to which G73 retracts to break the chip [m]
 CLEARANCE = 0.25 * MM
 MOST_PECKS = 10_000
-# nobody lets a tool rub so long in each hole [s]
+# longer than anybody lets a tool rub at the bottom of a hole [s]
 LONG_DWELL = 20.0
-# below that of any thread: F is the pitch, which some controllers read without G95, too [m]
+# smaller than the pitch of any thread; F is the pitch, which some controllers read without G95, too [m]
 LEAST_PITCH = 0.05 * MM
 MOST_REPEATS = 1_000
 
@@ -42,7 +42,7 @@ _FEEDING_OUT: Final = frozenset({"G85", "G89"})
 
 
 class _Hole(msgspec.Struct, frozen=True):
-    """Heights of a cycle along its axis [m], as of `CycleMotion`, and where the tool goes between holes."""
+    """Heights of a cycle along its axis [m], as of `CycleMotion`, and the height between holes."""
 
     axis: int
     clear: float
@@ -51,10 +51,10 @@ class _Hole(msgspec.Struct, frozen=True):
 
 
 def drill(block: BlockState, action: Action) -> list[Canonical]:
-    """Return the motion of a line of a canned cycle; faults are reported and nothing is returned.
+    """Return the motion of a line of a canned cycle; empty after a fault, which is reported.
 
     Args:
-        action: a cycle's code with its words, or ``REPEAT`` for a line with words only.
+        action: a cycle's code with its words, or ``REPEAT`` for a line with words alone.
     """
     if block.usable_axis(_axis(block), action) is None:
         return []
@@ -127,7 +127,7 @@ def drill(block: BlockState, action: Action) -> list[Canonical]:
 
 
 def _down(motion: CycleMotion, cycle: DrillCycle, hole: _Hole) -> None:
-    """Drill from the clear height to the bottom, and out as far as the cycle feeds out."""
+    """Drill from the clear height to the bottom, and feed out in cycles that do."""
     top = hole.clear
     for depth in _depths(cycle, hole):
         motion.feed(hole.axis, depth)
@@ -152,10 +152,10 @@ def _tap(
     spindle: Spindle,
     pitch: float,
 ) -> None:
-    """Tap from the clear height to each depth and back; a spindle that stands turns for it alone."""
+    """Tap from the clear height to each depth and back; a stopped spindle turns for the tap only."""
     stands = block.frame.direction == 0
     if stands:
-        # the pass waits until it has its speed
+        # the synchronous pass waits for the spindle's speed
         motion.turn(spindle.axis, TURN * spindle.turns_s, 0.0)
     for depth in depths:
         tap = read_pass(block, action, spindle, motion.ends(hole.axis, depth), pitch, taps=True)
@@ -167,7 +167,7 @@ def _tap(
 
 
 def _depths(cycle: DrillCycle, hole: _Hole) -> list[float]:
-    """Return where each peck ends [m], the last one at the bottom."""
+    """Return the depth of each peck [m]; the last is the bottom."""
     found: list[float] = []
     pecks, depth = cycle.pecks, hole.clear
     step = math.inf if pecks is None else pecks.first
@@ -182,7 +182,7 @@ def _depths(cycle: DrillCycle, hole: _Hole) -> list[float]:
 
 
 def _cycle(block: BlockState, action: Action, before: DrillCycle | None) -> DrillCycle | None:
-    """Return the cycle that a line's words leave in force; None after a fault (MC113, MC116, MC118)."""
+    """Return the cycle in force after a line's words; None after a fault (MC113, MC116, MC118)."""
     words = action.words
     if action.code == "REPEAT" and before is None:
         for word in words.values():
@@ -230,9 +230,9 @@ def _cycle(block: BlockState, action: Action, before: DrillCycle | None) -> Dril
 
 
 def _pecks(block: BlockState, action: Action, code: str) -> Pecks | None:
-    """Return the pecks that a line's words ask for: Q, or Haas's I, J and K; None: they ask for none.
+    """Return the pecks that a line's words give by Q, or by Haas's I, J and K; None without any.
 
-    I is the depth of the first peck, each that follows is J less and K at the least; K beside Q of G73 is the
+    I is the depth of the first peck, each further one is less by J, and at least K; K beside Q of G73 is the
     depth after which the hole is cleared. Faults are reported (MC112, MC116, MC118).
     """
     found = {letter: word for letter, word in action.words.items() if letter in "QIJK" and word.value != 0.0}
@@ -268,12 +268,12 @@ def _level(block: BlockState, word: ProfileWord | None) -> Level | None:
 
 
 def _kept(block: BlockState, level: Level) -> Level:
-    """Return a height of an earlier line: LinuxCNC keeps its number, Fanuc's controllers keep where it is."""
+    """Return a height of an earlier line as now read: Fanuc keeps the height, LinuxCNC the number."""
     return level if block.setup.machine.dialect.fanuc else Level(level.value, block.modal.incremental)
 
 
 def _warn_of_kept(block: BlockState, action: Action, before: DrillCycle) -> None:
-    """Warn of heights that mean something else than on the line that has them (MC199)."""
+    """Warn of heights whose meaning has changed since the line that gave them (MC199)."""
     given = {word.letter for word in action.axes} | action.words.keys()
     levels = {_LETTERS[_axis(block)]: before.bottom, "R": before.clear}
     scale = length_scale(block.modal.inch)
@@ -297,12 +297,12 @@ def _warn_of_kept(block: BlockState, action: Action, before: DrillCycle) -> None
 
 
 def _axis(block: BlockState) -> int:
-    """Return the axis that drills: the normal of the plane in force."""
+    """Return the drilling axis: the normal of the plane in force."""
     return _AXES[block.modal.plane or 17][2]
 
 
 def _hole(block: BlockState, cycle: DrillCycle) -> _Hole:
-    """Return the heights of a cycle: increments count from where it began, and from R (RS-274)."""
+    """Return the heights of a cycle: increments count from its start, and from R (RS-274)."""
     axis = _axis(block)
     zero = height(block, axis, block.modal.shift or {})
     clear = cycle.clear.value + (cycle.initial if cycle.clear.incremental else zero)
@@ -312,7 +312,7 @@ def _hole(block: BlockState, cycle: DrillCycle) -> _Hole:
 
 
 def _repeats(block: BlockState, action: Action, cycle: DrillCycle) -> int | None:
-    """Return how often a line drills: L, or K where that is no depth; 0: it is only kept (MC116)."""
+    """Return how often a line drills: L, or K if that is no depth; 0: it only sets the cycle (MC116)."""
     words = [
         word
         for letter, word in action.words.items()
@@ -333,7 +333,7 @@ def _repeats(block: BlockState, action: Action, cycle: DrillCycle) -> int | None
 
 
 def _targets(block: BlockState, action: Action, normal: int) -> dict[int, ProfileWord] | None:
-    """Return the words that say where the hole is, by axis; None after a fault (MC108, MC111, MC146)."""
+    """Return the words that locate the hole, by axis; None after a fault (MC108, MC111, MC146)."""
     found: dict[int, ProfileWord] = {}
     seen: set[int] = set()
     for word in action.axes:
@@ -359,7 +359,7 @@ def _targets(block: BlockState, action: Action, normal: int) -> dict[int, Profil
 
 
 def _ends(block: BlockState, action: Action, targets: Mapping[int, ProfileWord]) -> dict[int, float]:
-    """Return where words take axes [m]; a target beyond the travel is reported (MC201)."""
+    """Return the ends of axes that words give [m]; a target beyond the travel is reported (MC201)."""
     found = ends_of(block, given_by(block, targets), action) or {}
     for axis, end in found.items():
         if block.usable_axis(axis, action) is not None:
@@ -420,7 +420,7 @@ def _sound(block: BlockState, action: Action, cycle: DrillCycle, hole: _Hole) ->
             "leave P out",
         )
         return False
-    # what else its M3 or M4 switches would be left out
+    # a start of the spindle here would leave out the outputs that its M3 or M4 sets
     starts = block.frame.direction == 0 and not SPINDLE & block.setup.machine.dialect.mapped
     if cycle.code in TAPPING and block.frame.direction != _SENSE[cycle.code] and not starts:
         turning = "M3" if cycle.code == "G84" else "M4"
@@ -432,7 +432,7 @@ def _sound(block: BlockState, action: Action, cycle: DrillCycle, hole: _Hole) ->
 
 
 def _check_heights(block: BlockState, action: Action, motion: CycleMotion, hole: _Hole) -> None:
-    """Report heights above and in a hole that are beyond the travel of an axis (MC201)."""
+    """Report heights above and in a hole beyond the travel of an axis (MC201)."""
     reported: set[int] = set()
     for level in (hole.clear, hole.bottom, hole.retract):
         for axis, end in motion.ends(hole.axis, level).items():

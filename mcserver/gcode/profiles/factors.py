@@ -1,4 +1,4 @@
-"""Factors of printers: M220 of the feed and M221 of what is extruded (D-141)."""
+"""Factors of printers: M220 for the feed, M221 for extrusion (D-141)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _WORDS = {"M220": "SBR", "M221": "ST"}
 
 
 def set_factor(block: BlockState, action: Action) -> None:
-    """Set the factor of a line with M220 or M221 for the moves behind it; faults are reported."""
+    """Set the factor of M220 or M221 for the moves after a line; faults are reported."""
     code, words = action.code, action.words
     for letter, word in words.items():
         if letter not in _WORDS[code]:
@@ -35,14 +35,14 @@ def set_factor(block: BlockState, action: Action) -> None:
             _set_flow(block, given.value / 100.0)
         return
     modal = block.modal
-    # Marlin keeps, then brings back, then sets (M220.cpp)
+    # Marlin's order: store, restore, set (M220.cpp)
     kept = modal.pace if "B" in words else modal.kept_pace
     pace = kept if "R" in words else modal.pace
     block.change(kept_pace=kept, pace=pace if given is None else given.value / 100.0)
 
 
 def _set_flow(block: BlockState, flow: float) -> None:
-    """Have E read what it did: its zero moves, as what lies behind was pushed with the factor before."""
+    """Set the factor of E, with E's zero moved so that its coordinate stays: only later moves are scaled."""
     extruder, frame = block.setup.machine.dialect.extruder, block.frame
     assert extruder is not None  # without one M221 does not act
     if flow == block.modal.flow:

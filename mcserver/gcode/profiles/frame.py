@@ -1,4 +1,4 @@
-"""Work systems, G92, tool length, cycle and spindle as an immutable value (D-62 to D-66, D-75, D-110)."""
+"""Work systems, G92, tool length, cycle and spindle, as an immutable value (D-62 to D-66, D-75, D-110)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LENGTH_AXIS = 2  # a tool's length lies along Z
 
 
 class Level(msgspec.Struct, frozen=True):
-    """A height of a canned cycle as its word gives it [m]; ``incremental``: under G91."""
+    """A height of a canned cycle as written [m]; ``incremental``: under G91."""
 
     value: float
     incremental: bool
@@ -26,8 +26,8 @@ class Pecks(msgspec.Struct, frozen=True):
     """Depths of pecks [m].
 
     Attributes:
-        first: of the first one; each that follows is ``less`` deep less, and not below ``least``.
-        total: with G73 the hole is cleared after so much in pecks; 0: never.
+        first: of the first one; each further one is ``less`` smaller, and at least ``least``.
+        total: with G73 the hole is cleared after this depth of pecks; 0: never.
     """
 
     first: float
@@ -37,11 +37,11 @@ class Pecks(msgspec.Struct, frozen=True):
 
 
 class DrillCycle(msgspec.Struct, frozen=True):
-    """A canned cycle in force, with the words that later lines leave out (D-75).
+    """A canned cycle in force, with the words that later lines may omit (D-75).
 
     Attributes:
-        code: one of ``DRILLING``. initial: where the drilling axis was before the first hole [m].
-        bottom, clear: depth, and height R above the part. pecks: None: in one. dwell: P [s]; None: not given.
+        code: one of ``DRILLING``. initial: position of the drilling axis before the first hole [m].
+        bottom, clear: depth, and height R above the part. pecks: None without. dwell: P [s]; None: not given.
     """
 
     code: str
@@ -53,13 +53,13 @@ class DrillCycle(msgspec.Struct, frozen=True):
 
 
 class Facing(msgspec.Struct, frozen=True):
-    """How a machine stands to a tilted plane since G53.1.
+    """Orientation of the machine to a tilted plane since G53.1.
 
     Attributes:
-        turns: of the rotary axes that tilt the tool, axis → [rad].
-        directions: where X, Y and Z of the work piece point along the axes at these.
-        zero: where X, Y and Z are there with the spindle's point at the place on the work piece that it is at
-            with all of these axes at the program's zero and X, Y and Z at 0 [m].
+        turns: positions of the rotary axes that tilt the tool, axis → [rad].
+        directions: of the work piece's X, Y and Z along the axes, at these positions.
+        zero: positions of X, Y and Z at these turns, for the point on the work piece where the spindle's
+            point is with the rotary axes at the program's zero and X, Y and Z at 0 [m].
     """
 
     turns: Offsets
@@ -68,11 +68,11 @@ class Facing(msgspec.Struct, frozen=True):
 
 
 class PlaneLine(msgspec.Struct, frozen=True):
-    """One of the lines of G68.2 that give a plane by points (P2) or vectors (P3).
+    """A line of a G68.2 that gives a plane by points (P2) or vectors (P3).
 
     Attributes:
         form: P. number: Q. point: X Y Z [m]. vector: I J K.
-        turn: R, about the plane's Z [deg]; None: it is not given.
+        turn: R, about the plane's Z [deg]; None: not given.
     """
 
     form: int
@@ -83,13 +83,13 @@ class PlaneLine(msgspec.Struct, frozen=True):
 
 
 class TiltedPlane(msgspec.Struct, frozen=True):
-    """A plane on the work piece, as G68.2 gives it (D-111).
+    """A plane on the work piece, set by G68.2 (D-111).
 
     Attributes:
         tool: number of the ``[[tool]]`` that is turned towards it.
-        origin: in the work system [m]. directions: where its X, Y and Z point there.
+        origin: in the work system [m]. directions: of its X, Y and Z there.
         facing: None until G53.1.
-        lines: those of P2 or P3 until the last one, which gives origin and directions.
+        lines: of P2 or P3, until the last one completes origin and directions.
     """
 
     tool: int
@@ -104,7 +104,7 @@ class Surface(msgspec.Struct, frozen=True):
 
     Attributes:
         speed: at the tool [m/s]. greatest: of the spindle [rad/s].
-        zero: where X is on the spindle's axis, as of its last order [m]. line: of its last word.
+        zero: position of X at the spindle's axis, as last commanded [m]. line: of its last word.
     """
 
     speed: float
@@ -114,25 +114,25 @@ class Surface(msgspec.Struct, frozen=True):
 
 
 class Frame(msgspec.Struct, frozen=True):
-    """The frame that axis words are in, and the spindle.
+    """The frame of axis words, and the spindle.
 
     Attributes:
         system: 1 … 9, of G54 … G59.3. systems: origins of the work coordinate systems, axis → [m or rad],
-            and by `ANGLE` the angle of those that are turned.
-        cutters: of the tool table, by number, as G10 L1 set them; they go before the machine file's.
-        worn: numbers of the tools whose life is used up, as the program began or went on behind a pause.
-        g92: offsets of G92. g92_on: they count (G92.2 takes them out, G92.3 in). local: of G52.
+            and by `ANGLE` the angle of a rotated one.
+        cutters: of the tool table, by number, as G10 L1 set them; they override the machine file's.
+        worn: numbers of the tools whose life was used up when the program began or last resumed.
+        g92: offsets of G92. g92_on: they are in force (G92.2 suspends, G92.3 restores). local: of G52.
         tool_length: of G43, G43.4 or G43.5 [m]. tool: number of the last T. changed: number of the last M6.
-        tip_tool: number of the ``[[tool]]`` whose tip X Y Z lead (G43.4, G43.5); None: they are the axes.
-        by_direction: I J K are where that tool points (G43.5).
-        plane: of G68.2; None: there is none.
+        tip_tool: number of the ``[[tool]]`` whose tip X Y Z command (G43.4, G43.5); None: X Y Z are axes.
+        by_direction: I J K are that tool's direction (G43.5).
+        plane: of G68.2; None: none in force.
         stored: positions of G28.1 (28) and G30.1 (30).
-        cycle: the last canned cycle; it is in force as long as no motion code is.
-        to_initial: between holes the tool goes where it was before the cycle (G98), not to R (G99).
+        cycle: the last canned cycle, in force while no motion code is.
+        to_initial: between holes the tool retracts to its height before the cycle (G98), not to R (G99).
         direction: of the spindle, 1, -1 or 0. spindle_rpm: the last S of G97.
-        surface: of G96; None: S counts turns.
-        retraction: as M207 and M208 set it; None: as the machine file has it.
-        retracted: how far G10 has moved the zeros of the extruder and of Z; None: it has not (D-115).
+        surface: of G96; None: S is turns.
+        retraction: as M207 and M208 set it; None: the machine file's.
+        retracted: shift of the zeros of the extruder and of Z by G10; None: not retracted (D-115).
     """
 
     system: int = 1
@@ -158,9 +158,9 @@ class Frame(msgspec.Struct, frozen=True):
     retracted: Offsets | None = None
 
     def shift(self) -> dict[int, float] | None:
-        """Return the program's zero by axis [m or rad]; None where it is the machine's zero.
+        """Return the program's zero by axis [m or rad]; None if it is the machine's zero.
 
-        Under G43.4 and G43.5 the tip is led to where the words say: the tool's length is no part of it.
+        The tool's length is not part of it under G43.4 and G43.5, where words give the tip's place.
         """
         plane, facing = self.plane, self._facing
         inner = self.inner
@@ -179,7 +179,7 @@ class Frame(msgspec.Struct, frozen=True):
 
     @property
     def unlifted(self) -> Frame:
-        """The frame where Z is not lifted by a retraction any more."""
+        """The frame without the lift of Z by a retraction."""
         retracted = self.retracted
         if retracted is not None:
             retracted = {axis: offset for axis, offset in retracted.items() if axis != LENGTH_AXIS}
@@ -187,22 +187,22 @@ class Frame(msgspec.Struct, frozen=True):
 
     @property
     def fitted(self) -> int:
-        """Number of the tool in the spindle: of the last M6, before any of the last T."""
+        """Number of the tool in the spindle: of the last M6; before the first, of the last T."""
         return self.tool if self.changed is None else self.changed
 
     @property
     def tip_code(self) -> str:
-        """The code by which the tip is led."""
+        """The code that commands the tip."""
         return "G43.5" if self.by_direction else "G43.4"
 
     @property
     def inner(self) -> dict[int, float]:
-        """Offsets within the work system, of G52 and G92: they are turned with it [m or rad]."""
+        """Offsets within the work system, of G52 and G92, which rotate with it [m or rad]."""
         return _sum(self.local, self.g92 if self.g92_on else {})
 
     @property
     def directions(self) -> Directions | None:
-        """Where the program's X, Y and Z point; None: along the axes."""
+        """Directions of the program's X, Y and Z; None: along the axes."""
         facing = self._facing
         if self.plane is None or facing is None:
             return self._turned
@@ -219,16 +219,15 @@ class Frame(msgspec.Struct, frozen=True):
         return None if self.plane is None else self.plane.facing
 
     def coordinates(self, positions: Offsets) -> dict[int, float]:
-        """Return what axes at these positions read in the zero in force [m or rad], unscaled and unturned."""
+        """Return the program's coordinates of axis positions [m or rad], not scaled or rotated by codes."""
         zero = self.shift() or {}
         return back(self.directions, {axis: at - zero.get(axis, 0.0) for axis, at in positions.items()})
 
     def zeros(self) -> dict[str, Offsets]:
-        """Return where programs read zero, by system [m or rad], as in ``systems``.
+        """Return the zeros of programs by work system [m or rad], as ``systems``.
 
-        Neither a tool's length nor a tilted plane counts.
-
-        The system in force has the offsets of G92 and G52 in it; systems without an origin are left out.
+        Tool length and tilted plane are left out. The system in force includes the offsets of G92 and G52;
+        systems without an origin are left out.
         """
         found = {name: dict(self.systems.get(number, {})) for name, number in SYSTEM_NUMBERS.items()}
         own = next(name for name, number in SYSTEM_NUMBERS.items() if number == self.system)
@@ -238,10 +237,10 @@ class Frame(msgspec.Struct, frozen=True):
 
 
 def _sum(first: Offsets, second: Offsets) -> dict[int, float]:
-    """Return the sum of offsets, each of which may lack axes."""
+    """Return the sum of offsets; missing axes count as 0."""
     return {axis: first.get(axis, 0.0) + second.get(axis, 0.0) for axis in (*first, *second)}
 
 
 def tool_table(machine: Machine, frame: Frame | None) -> dict[int, Cutter]:
-    """Return the tool table in force: of the machine file, and over it what G10 L1 set."""
+    """Return the tool table in force: the machine file's, overridden by G10 L1."""
     return {**machine.dialect.cutters, **({} if frame is None else frame.cutters)}

@@ -1,4 +1,4 @@
-"""Inputs and outputs in a program: M62 to M68, and codes that are given to outputs (D-70 to D-73)."""
+"""Inputs and outputs in a program: M62 to M68, and codes mapped to outputs (D-70 to D-73)."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from mcserver.motion.canonical import InputLine, OutputLine, OutputSetting, Wait
 # The longest that M66 may wait [s].
 LONGEST_WAIT = 86_400.0
 
-# those that act with the next motion
+# outputs that change with the next motion
 WITH_MOTION: Final = frozenset({"M62", "M63", "M67"})
 
 
 def read_io(block: BlockState, action: Action) -> InputLine | OutputLine | None:
-    """Return what one of M62 to M68 does; None where it has a fault, which is reported."""
+    """Return the effect of one of M62 to M68; None after a fault, which is reported."""
     if action.code == "M66":
         return _wait(block, action)
     digital = action.code not in ("M67", "M68")
@@ -37,13 +37,13 @@ def read_io(block: BlockState, action: Action) -> InputLine | OutputLine | None:
 def read_mapped(
     block: BlockState, code: str, action: Action, speed: float | None, *, only_speed: bool = False
 ) -> list[OutputLine]:
-    """Return what a code does to the outputs that ``[dialect.outputs]`` gives it: lasers keep to the path.
+    """Return what a code sets on the outputs mapped to it in ``[dialect.outputs]``: lasers keep to the path.
 
     Args:
-        code: whose settings these are. action: for the place of faults.
-        speed: value of the word S that counts; None: none, which is full speed for a fan's M106 and a fault
-            for others: a heater must not go to its maximum.
-        only_speed: only the outputs that follow S.
+        code: whose mapping is used. action: for the columns of faults.
+        speed: value of the S in force; None: none. A fan's M106 then means full speed; for others it is a
+            fault: a heater must not go to its maximum.
+        only_speed: only outputs that follow S.
     """
     machine = block.setup.machine
     found: dict[bool, list[OutputSetting]] = {False: [], True: []}
@@ -68,7 +68,7 @@ def read_mapped(
                 action.span,
                 "use M3 on this machine: its power is the same at any speed",
             )
-        # a code that waits does so behind what it sets
+        # a code that waits does so after it has set the output
         keeps = output.laser or (code not in machine.dialect.waits and keeps_to_path(machine, output))
         found[keeps].append(OutputSetting(each.column, value, scaled))
     return [
@@ -79,12 +79,12 @@ def read_mapped(
 
 
 def is_scaled(output: Output, code: str) -> bool:
-    """Return whether a code of the spindle makes an output's value go with the speed (D-77)."""
+    """Return whether a spindle code scales an output's value with the speed (D-77)."""
     return output.laser and not output.digital and code == "M4"
 
 
 def keeps_to_path(machine: Machine, output: Output) -> bool:
-    """Return whether codes set an output with the next motion: lasers, and where printers' firmware does."""
+    """Return whether codes set an output with the next motion: lasers, and as printers' firmware does."""
     return output.laser or machine.dialect.profile == "printer"
 
 
@@ -96,7 +96,7 @@ def _column(
     *,
     digital: bool,
 ) -> int | None:
-    """Return the column of the input or output that a word names; None: reported."""
+    """Return the column of the input or output that a word names; None after a reported fault."""
     kind = "digital" if digital else "analog"
     what = "output" if action.code != "M66" else "input"
     word = action.words.get(letter)

@@ -1,4 +1,4 @@
-"""The letter O among the digits of a number, as the profiles read words."""
+"""Find the letter O among the digits of a number, as profiles read words."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ _NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
 
 
 def found_letter_o(code: str, faults: FaultList) -> bool:
-    """Report the first number of a line that has the letter O among its digits (MC101).
+    """Report the first number of a line with the letter O among its digits (MC101).
 
-    O alone is a digit where no number stands otherwise, as in ``XO``; O-words and numbers of lines are none.
+    A lone O counts as a digit where only a number fits, as in ``XO``; not in O-words and program numbers.
     """
     for found in _WITH_O.finditer(code):
         digits = found[2].replace("O", "0")

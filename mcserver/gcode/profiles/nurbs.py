@@ -1,8 +1,8 @@
 """Read G5.2 and G5.3: a curve by weighted control points over several lines, with LinuxCNC's words (D-97).
 
-The first control point is where the axes stand. Knots are whole numbers, those of both ends as often as the
-order says. Each span between two knots is a rational Bezier curve, whose control points its polar form gives
-(Ramshaw, Blossoming: a connect-the-dots approach to splines).
+The first control point is the position of the axes. Knots are whole numbers; the end knots are repeated as
+often as the order. Each span between two knots is a rational Bezier curve whose control points its polar form
+gives (Ramshaw, Blossoming: a connect-the-dots approach to splines).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _OWN = frozenset({"G5.2", "G5.3", "REPEAT"})
 
 
 def read_control_line(block: BlockState) -> list[Canonical]:
-    """Return the motion of a line between G5.2 and G5.3: of a control point none, of G5.3 the curve."""
+    """Return the motion of a line between G5.2 and G5.3: none for a control point, the curve for G5.3."""
     points = block.modal.control_points
     assert points is not None
     profile = block.parsed.profile or ProfileWords()
@@ -52,7 +52,7 @@ def read_control_line(block: BlockState) -> list[Canonical]:
 
 
 def add_control_point(block: BlockState, action: Action) -> None:
-    """Take a line of G5.2, or one with words only behind it."""
+    """Add the control point of G5.2, or of a later line of words only."""
     points = block.modal.control_points
     block.end_motion_code()
     block.change(control_points=points)
@@ -89,7 +89,7 @@ def add_control_point(block: BlockState, action: Action) -> None:
 
 
 def _close(block: BlockState, action: Action, given: ControlPoints) -> list[Canonical]:
-    """Return the spans of the curve, one behind the other."""
+    """Return the spans of the curve as consecutive lines."""
     if len(given.points) < given.order:
         what = f"a curve of order {given.order} has as many control points at least, not {len(given.points)}"
         refuse(block, action, what, "give more, or a lower order by L")
@@ -101,7 +101,7 @@ def _close(block: BlockState, action: Action, given: ControlPoints) -> list[Cano
     found: list[MotionLine] = []
     for span in _spans(weighted, given.order - 1):
         places = span[:, :2] / span[:, 2:]
-        # each begins where the one before has ended, to the last bit
+        # each begins exactly where the one before ended
         places[0] = [block.commanded.start(axis) for axis in PLANE]
         line = curve_line(block, action, places, span[:, 2])
         if line is None:
@@ -120,7 +120,7 @@ def _close(block: BlockState, action: Action, given: ControlPoints) -> list[Cano
 
 
 def _shared(group: Group, share: float) -> Group:
-    """Return a span with its share of the duration of G93."""
+    """Return a span with its share of G93's duration."""
     if not isinstance(group, FeedGroup) or group.duration is None:
         return group
     duration = share * group.duration
@@ -140,7 +140,7 @@ def _spans(points: Array, degree: int) -> list[Array]:
 
 
 def _polar(points: Array, knots: Sequence[float], span: int, arguments: Sequence[float]) -> Array:
-    """Return the polar form of a span at as many arguments as its degree, by de Boor's scheme."""
+    """Return a span's polar form at ``degree`` arguments, by de Boor's scheme."""
     degree = len(arguments)
     values = points[span - degree : span + 1]
     for level, argument in enumerate(arguments, start=1):

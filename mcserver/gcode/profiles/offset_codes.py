@@ -16,14 +16,14 @@ from mcserver.machine.work_systems import ANGLE
 
 
 def refuse_other_offset(block: BlockState, action: Action, other: Offsets, hint: str) -> None:
-    """Refuse G52 beside G92: LinuxCNC has one offset for both, Fanuc's controllers have two."""
+    """Refuse G52 beside G92: LinuxCNC has one offset for both, Fanuc's controllers two."""
     if any(other.values()) and not block.setup.machine.dialect.fanuc:
         shown = "G52 and G92 are one offset on LinuxCNC's controllers and two on Fanuc's"
         block.faults.add("MC186", shown, action.span, hint)
 
 
 def set_g92(block: BlockState, action: Action) -> None:
-    """Let positions read what the axis words of G92 say (D-63)."""
+    """Set the offsets of G92 so that positions read as its axis words say (D-63)."""
     refuse_other_offset(block, action, block.frame.local, "write G52 with words of 0 ahead of it")
     offsets = {} if not action.axes else dict(block.frame.g92)
     values = axis_values(block, action)
@@ -39,7 +39,7 @@ def set_g92(block: BlockState, action: Action) -> None:
 
 
 def set_system(block: BlockState, action: Action) -> None:
-    """Set the origin of a work coordinate system: G10 L2 by itself, L20 by what the position reads then."""
+    """Set the origin of a work coordinate system: G10 L2 directly, L20 by what the position is to read."""
     frame = block.frame
     kind = action.words["L"].value
     chosen = action.words.get("P")
@@ -54,7 +54,7 @@ def set_system(block: BlockState, action: Action) -> None:
         )
         return
     if fanuc and kind == 20.0:
-        # zero is set by it from the page, by mcctl and by the cycles of the probe
+        # the page, mcctl and probing cycles set the zero with it
         block.faults.add(
             "MC199",
             "G10 L20 sets the origin by what the position reads then; on Fanuc's controllers it sets G54.1",
@@ -90,7 +90,7 @@ def set_system(block: BlockState, action: Action) -> None:
             "write G92.1 or G52 X0 Y0 before it, and the offset again behind it",
         )
     elif angle is not None and linear(block, action, (0, 1)):
-        # an angle is none to add to, under G91 neither (LinuxCNC)
+        # an angle is set, not added, under G91 too (LinuxCNC)
         origin[ANGLE] = math.radians(angle.value)
     values = axis_values(block, action)
     if kind == 2.0 and values and block.modal.incremental and not block.setup.machine.dialect.fanuc:

@@ -1,4 +1,4 @@
-"""The words @ and ^ of LinuxCNC's: radius and angle of one move (D-96)."""
+"""Read LinuxCNC's words @ and ^: radius and angle of one move (D-96)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mcserver.gcode.line_faults import FaultList
 from mcserver.gcode.profiles.codes import DRILLING, PROBING, TAKES_AXES, code_name
 from mcserver.gcode.text.profile_words import ProfileWord
 
-# the axis whose word each stands for
+# axis whose word each replaces
 POLAR_LETTERS: Final[Mapping[str, int]] = MappingProxyType({"@": 0, "^": 1})
 
 
@@ -23,7 +23,7 @@ def as_axis_words(
     machine_frame: bool,
     faults: FaultList,
 ) -> list[ProfileWord]:
-    """Return words @ and ^ as X and Y, to be read as radius and angle; none after a fault (MC153).
+    """Return words @ and ^ as X and Y, which are then read as radius and angle; empty after a fault (MC153).
 
     Args:
         codes, words: of their line, the latter with axes. machine_frame: G53 is one of its codes.
@@ -34,7 +34,7 @@ def as_axis_words(
     takers = {code_name(word.letter, word.value) for word in codes} & TAKES_AXES
     others = sorted(takers - DRILLING - PROBING - {"REPEAT"}) + ["G53"] * machine_frame
     if len(axes) < len(polar) or any(word.axis in (0, 1) for word in words) or others:
-        # the second of two alike, or any
+        # the second of two equal letters, or any
         word = polar[-1]
         faults.add(
             "MC153",

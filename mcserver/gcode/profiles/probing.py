@@ -1,4 +1,4 @@
-"""Read G38.2 to G38.5: a straight move until the probe changes (D-74)."""
+"""Read G38.2 to G38.5: straight moves that end when the probe's input changes (D-74)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def read_probe_move(block: BlockState, action: Action) -> ProbeLine | None:
     """Return the probing move of a line; None after a fault (MC118, MC121, MC128, MC138, MC155, MC201)."""
     modal = block.modal
     targets = straight_targets(block, action, "MC155")
-    # bare axis words behind it do not repeat it, nor what was in force before
+    # afterwards bare axis words repeat neither the probing move nor an earlier motion code
     block.end_motion_code()
     if targets is None:
         return None
@@ -40,7 +40,7 @@ def read_probe_move(block: BlockState, action: Action) -> ProbeLine | None:
         return None
     for axis, end in targets.items():
         block.end_at(axis, end)
-    # where it ends is known when it has ended
+    # the end is only known after the move
     block.commanded.invalidate(targets)
     speed = turns * modal.feed.speed
     return ProbeLine(
@@ -55,10 +55,10 @@ def read_probe_move(block: BlockState, action: Action) -> ProbeLine | None:
 
 
 def straight_targets(block: BlockState, action: Action, rotary: str) -> dict[int, float] | None:
-    """Return where the linear axes of a straight move go [m]; None after a fault.
+    """Return the targets of the linear axes in a straight move [m]; None after a fault.
 
     Args:
-        rotary: code of the fault that one of them is rotary.
+        rotary: code of the fault for a rotary axis.
     """
     modal = block.modal
     named: dict[int, ProfileWord] = {}

@@ -1,8 +1,8 @@
 """Read a line of a profile's programs (D-60, D-61).
 
-RS-274's words in any order become a line of the reference's grammar, and actions for the codes that the
+Words in any order, as in RS-274, become a line of the reference's grammar, and actions for codes that the
 reference does not have (`mcserver.gcode.profiles.word_sorter`). Macros, prose, programs that compute and
-commands to firmware are told from words before.
+commands to firmware are recognized before.
 """
 
 from __future__ import annotations
@@ -46,22 +46,22 @@ _COMPUTED = re.compile(
 )
 _PROGRAM_NUMBER = re.compile(r"[ \t]*[O:][ \t]*[0-9]+[ \t]*\Z")
 _MACRO = re.compile(r"[ \t]*([A-Z_][A-Z_]{2,}[A-Z0-9_]*)(?![0-9.+-])")
-# words of a language; codes have no four letters in a row
+# words of a language; codes never have four letters in a row
 _PROSE = re.compile(r"[A-Z]{4,}")
 _HEAD = re.compile(r"[ \t]*(?:N[0-9]+[ \t]*)?([GMT])[ \t]*([0-9]+(?:\.[0-9]+)?)")
-# Fanuc's corners and directions of a line: ,C5 ,R3 ,A45
+# Fanuc's chamfers, corner radii and line angles: ,C5 ,R3 ,A45
 _CORNER = re.compile(r",[ \t]*([ACR])[ \t]*[-+.0-9\[#]")
 _REFERENCE_ONLY = re.compile(r",|G[ \t]*0*1[0-9]{3}(?![0-9])")
 _EXPONENT = re.compile(r"E[-+]?[0-9]+")
-# take words E of their own
+# codes with a word E of their own
 _IO_CODE = re.compile(r"M[ \t]*0*6[678](?![0-9])")
 _CHECKSUM = re.compile(r"\*[0-9]+[ \t]*\Z")
-# take all words of their line
+# codes that take all words of their line
 _WHOLE_LINE = {**RETRACTING, **{code: code for code in (*FACTORS, *ADVANCE, *BED_MESH)}}
 _RETRACTING = re.compile(r"(?:G[ \t]*0*1[01]|M[ \t]*0*20[78])(?![0-9]|\.0*[1-9])")
-# what may stand behind M200 where E stays a length
+# words of M200 with which E stays a length
 _LENGTH = re.compile(r"(?:[DS]0*\.?0*)?(?:T0)?")
-# waits for somebody, where M400 alone waits for the motion
+# waits for somebody; M400 alone waits for the motion
 _PAUSE_OF_BAMBU = re.compile(r"M400[ \t]+U[ \t]*0*1\b")
 _FACTOR = re.compile(r"M[ \t]*0*22[01](?![0-9]|\.0*[1-9])")
 _ADVANCE = re.compile(r"M[ \t]*0*(?:900|572)(?![0-9]|\.0*[1-9])")
@@ -83,12 +83,12 @@ class ProfileReader:
         self._axes = axis_letters(dialect)
 
     def read(self, text: str, number: int) -> ParsedLine:
-        """Parse a line; faults are kept in `ParsedLine.faults`."""
+        """Parse a line; faults are stored in `ParsedLine.faults`."""
         if number == 1:
             text = text.removeprefix(BOM)
         if self._dialect.reference:
             return self._read_reference(text, number)
-        # files that went through several systems have CR CR LF, and those of DOS end with Ctrl-Z
+        # CR CR LF in files that went through several systems, Ctrl-Z at the end of DOS files
         text = text.rstrip("\r\x1a")
         code = _blank(text).upper()
         if not code.strip():
@@ -96,7 +96,7 @@ class ProfileReader:
         return self._read(text, code, number) or scan_line(text, number)
 
     def _read_reference(self, text: str, number: int) -> ParsedLine:
-        """Parse a line of the reference's own dialect: only what it cannot read is a profile's."""
+        """Parse a line of the reference's dialect; as a profile's only if the reference cannot read it."""
         parsed = scan_line(text, number)
         if not parsed.faults:
             return parsed
@@ -109,7 +109,7 @@ class ProfileReader:
         return widened if widens or (self._dialect.letters and not widened.faults) else parsed
 
     def _read(self, text: str, code: str, number: int) -> ParsedLine | None:
-        """Parse a line with code; None for what only the reference has: comma groups and axis commands."""
+        """Parse a line with code; None for syntax of the reference only: comma groups and axis commands."""
         faults = FaultList(number)
 
         def nothing(*ignored: str) -> ParsedLine:
@@ -126,7 +126,7 @@ class ProfileReader:
         if head is not None:
             name = code_name(head[1], float(head[2]))
             family = name.partition(".")[0]
-            # M1000 and above are the makers' own
+            # M1000 and above are vendors' own
             own = head[1] == "M" and float(head[2]) >= 1000.0
             idle = own or head[1] == "T" or name in self._sorter.ignored or family in self._sorter.ignored
             idle = idle or (
@@ -137,10 +137,10 @@ class ProfileReader:
             ):
                 return nothing()
             if idle and name not in self._sorter.acting and self._dialect.profile == "printer":
-                # what M117 shows is read from the text (D-76)
+                # the text of M117 is read from the line (D-76)
                 return nothing() if family == "M117" else nothing(name)
             if name in FILES_OF_PRINTERS and self._dialect.profile == "printer":
-                # its words are the name of a file
+                # its words are a file name
                 span = (head.start(1) + 1, head.end() + 1)
                 self._sorter.refuse(Word("M", float(head[2]), head[2], -1, span), name, faults)
                 return nothing()
@@ -182,7 +182,7 @@ class ProfileReader:
             return nothing()
         if _REFERENCE_ONLY.search(code):
             return None
-        # settings of firmware, such as $110=500, compute nothing
+        # settings of firmware, such as $110=500, are not expressions
         if stripped[0] not in _FIRMWARE and _COMPUTED.search(code):
             shown = _COMPUTES_OTHERWISE if self._dialect.profile == "cnc" else _COMPUTES
             faults.add("MC140", shown, (1, len(code.rstrip()) + 1), "let the post write plain numbers")
@@ -205,7 +205,7 @@ class ProfileReader:
         return _line(number, text, code, words, faults, profile)
 
     def _whole_line(self, text: str, code: str, number: int, faults: FaultList) -> ParsedLine:
-        """Give a retraction, what sets it, or a factor all words of the line: Z, F and B are its own."""
+        """Parse a retraction, its settings, or a factor, which take all words of the line, also Z F B."""
         words = [word for word in self._words(code, faults) if word.letter != "N"]
         actions: tuple[Action, ...] = ()
         ignored: tuple[str, ...] = ()
@@ -221,7 +221,7 @@ class ProfileReader:
                 if own[word.letter] is not word:
                     again = own[word.letter].span
                     faults.add("MC111", f"{word.letter} stands twice in one line", again, "keep one of them")
-            # Marlin's height at which the mesh has faded out
+            # Marlin's fade height
             fades = name == "M420" and own.pop("Z", None) is not None
             ignored = ("Z beside M420",) if fades else ()
             actions = () if faults.found else (Action(_WHOLE_LINE[name], words[0].span, own),)
@@ -229,13 +229,13 @@ class ProfileReader:
 
     def _words(self, code: str, faults: FaultList) -> list[Word]:
         words: list[Word] = []
-        # a printer's words may lack their number, and its texts stand without brackets
+        # words of printers may lack their number, and texts have no brackets
         if "O" in code and self._dialect.profile != "printer" and found_letter_o(code, faults):
             return words
         exponents = self._dialect.profile != "printer" and "E" not in self._axes and not _IO_CODE.search(code)
         for match in _TOKEN.finditer(code):
             span = (match.start() + 1, match.end() + 1)
-            # E1E2 is none of two words of an axis E either
+            # E1E2 is not two words of an axis E either
             possible = match[1] == "E" or (exponents and not match[5])
             exponent = _EXPONENT.match(code, match.end()) if possible else None
             if exponent is not None:
@@ -248,7 +248,7 @@ class ProfileReader:
                 )
                 break
             if match[5] and self._dialect.profile == "printer" and match[5].isalpha():
-                # G28 X: printers' words may lack their number
+                # G28 X: words of printers may lack their number
                 own = match[5] not in INCREMENTAL_LETTERS or match[5] in self._dialect.letters
                 axis = self._axes.get(match[5], -1) if own else -1
                 words.append(Word(match[5], 0.0, "0", axis, span))
@@ -277,14 +277,14 @@ class ProfileReader:
                 words.append(Word(f"[{int(match[3])}]", float(match[4]), match[4], int(match[3]), span))
             else:
                 axis = self._axes.get(match[1], -1)
-                # U V W as axes of their own are no increments of X Y Z
+                # U V W as axes of their own are not increments of X Y Z
                 own = match[1] in INCREMENTAL_LETTERS and match[1] in self._dialect.letters
                 words.append(Word(f"[{axis}]" if own else match[1], float(match[2]), match[2], axis, span))
         return words
 
 
 def _blank(text: str) -> str:
-    """Replace comments by blanks, nested and unclosed ones too: columns stay."""
+    """Replace comments, including nested and unclosed ones, by blanks, so that columns stay."""
     if "(" not in text and ";" not in text:
         return text
     before = ""
@@ -318,5 +318,5 @@ Reader = Callable[[str, int], ParsedLine]
 
 
 def reader_of(dialect: Dialect) -> Reader:
-    """Return what parses the lines of a program in a machine's dialect."""
+    """Return the parser for a machine's dialect."""
     return scan_line if dialect.strict else ProfileReader(dialect).read

@@ -1,4 +1,4 @@
-"""Firmware retraction of printers: G10, G11, and M207, M208 that set it (D-115)."""
+"""Firmware retraction of printers: G10, G11, and their settings by M207 and M208 (D-115)."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from mcserver.machine.dialect_section import Retraction
 from mcserver.motion.canonical import Canonical
 from mcserver.units import AxisType
 
-# what the words of the codes that set a retraction are; the others of Marlin's are of a change of the tool
+# what the words of M207 and M208 set; Marlin's other words are for a tool change
 _SETTINGS = {"M207": {"S": "length", "F": "speed", "Z": "hop"}, "M208": {"S": "extra", "F": "recover_speed"}}
 _UNKNOWN = Retraction(length=0.0, speed=0.0, hop=0.0, recover_speed=0.0, extra=0.0)
 _CODES = {"RETRACT": "G10", "RECOVER": "G11"}
 
 
 def retract(block: BlockState, action: Action) -> list[Canonical]:
-    """Return the motion of G10 or G11; M207 and M208 move nothing. Faults are reported (MC194).
+    """Return the motion of G10 or G11; none for M207 and M208. Faults are reported (MC194).
 
-    As in Marlin (fwretract.cpp) the program's positions do not change: the zeros of E and Z move with them.
+    The program's positions stay (Marlin's fwretract.cpp): the zeros of E and Z move by the retraction.
     """
     if action.code in _SETTINGS:
         _set(block, action)
@@ -30,7 +30,7 @@ def retract(block: BlockState, action: Action) -> list[Canonical]:
     code = _CODES[action.code]
     others = [word for word in action.words.values() if (word.letter, word.value) != ("S", 0.0)]
     if others:
-        # whoever wrote words wanted no retraction: nobody is told to leave them out
+        # the writer wanted a tool change: no hint to leave the words out
         letters = {word.letter for word in others}
         hint = "a change of the tool is not made here: let the slicer write for one extruder"
         if "L" in letters:
@@ -43,7 +43,7 @@ def retract(block: BlockState, action: Action) -> list[Canonical]:
         span = (others[0].span[0], others[-1].span[1])
         block.faults.add("MC194", f"{code} is a retraction here, and takes no {shown}", span, hint)
         return []
-    # G10 behind G10, and G11 without one, do nothing
+    # a second G10, or a G11 without G10, does nothing
     if (action.code == "RETRACT") == (block.frame.retracted is not None):
         return []
     extruder = block.setup.machine.dialect.letters["E"]
@@ -82,7 +82,7 @@ def retract(block: BlockState, action: Action) -> list[Canonical]:
     if hops:
         _move(block, motion, action, LENGTH_AXIS, -offsets[LENGTH_AXIS])
     _move(block, motion, action, extruder, settings.extra - offsets[extruder], settings.recover_speed)
-    # what is pushed beyond is none of the program's
+    # the extra length is not part of the program's E
     g92 = {**frame.g92, extruder: frame.g92.get(extruder, 0.0) + settings.extra}
     block.frame = msgspec.structs.replace(frame, retracted=None, g92=g92)
     return motion.lines
@@ -96,14 +96,14 @@ def _move(
     distance: float,
     speed: float | None = None,
 ) -> None:
-    """Move an axis within its travel [m, m/s]; without a speed as fast as it goes."""
+    """Move an axis within its travel [m, m/s]; without a speed at its greatest."""
     end = motion.at(axis) + distance
     check_travel(block, axis, end, action)
     motion.feed(axis, end, block.setup.axes[axis].max_velocity if speed is None else speed)
 
 
 def _set(block: BlockState, action: Action) -> None:
-    """Set what words of M207 or M208 give; what they leave out stays."""
+    """Set what the words of M207 or M208 give; the rest stays."""
     names = _SETTINGS[action.code]
     inch = block.modal.inch
     found: dict[str, float] = {}
@@ -125,6 +125,6 @@ def _set(block: BlockState, action: Action) -> None:
     before = block.frame.retraction or block.setup.machine.dialect.retraction or _UNKNOWN
     changed = msgspec.structs.replace(before, **found)
     if not changed.recover_speed:
-        # until M208 says otherwise G11 is as fast as G10
+        # until M208 sets it, the recover speed is the retraction's
         changed = msgspec.structs.replace(changed, recover_speed=changed.speed)
     block.frame = msgspec.structs.replace(block.frame, retraction=changed)

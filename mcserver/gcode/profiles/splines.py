@@ -1,4 +1,4 @@
-"""Read G5 and G5.1, curves by their control points, with LinuxCNC's words (D-97)."""
+"""Read G5 and G5.1: curves by control points, with LinuxCNC's words (D-97)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PLANE = (0, 1)
 
 def read_spline(block: BlockState, action: Action) -> MotionLine | None:
     """Return the curve of a line; faults are reported and None is returned (MC112, MC118, MC185 to MC189)."""
-    # G0 to G3 in between are no G5
+    # G0 to G3 in between end a chain of G5
     before = block.modal.spline_end if block.modal.motion is None else None
     block.end_motion_code()
     if action.code == "G5.3":
@@ -60,7 +60,7 @@ def read_spline(block: BlockState, action: Action) -> MotionLine | None:
 
 
 def allowed(block: BlockState, action: Action, taken: str) -> bool:
-    """Report where a curve cannot be, and words that it does not take; ``taken``: letters that it does."""
+    """Report a curve that is not allowed here, and words not in ``taken``; return whether all is right."""
     transformation = block.transformation
     axes = [block.usable_axis(axis, action) for axis in PLANE]
     strays = [word for word in action.words.values() if word.letter in "IJKRPQL" and word.letter not in taken]
@@ -91,7 +91,7 @@ def allowed(block: BlockState, action: Action, taken: str) -> bool:
 
 
 def takes_exact_stop(block: BlockState) -> bool:
-    """Return whether the line stops exactly; G9 is used up (D-15)."""
+    """Return whether the line stops exactly, and use up a G9 (D-15)."""
     exact = block.modal.exact_stop or block.modal.exact_next
     block.change(exact_next=False)
     return exact
@@ -103,7 +103,7 @@ def refuse(block: BlockState, action: Action, what: str, hint: str, code: str = 
 
 
 def _vector(block: BlockState, action: Action, letters: str) -> Array | None:
-    """Return a control point as seen from its end of the curve [m]; None: not both letters are there."""
+    """Return a control point relative to its end of the curve [m]; None if one of the letters is missing."""
     given = [action.words[letter].value for letter in letters if letter in action.words]
     if len(given) == 1:
         refuse(block, action, f"{' and '.join(letters)} belong together", "write both", "MC118")
@@ -119,7 +119,7 @@ def _vector(block: BlockState, action: Action, letters: str) -> Array | None:
 def curve_line(
     block: BlockState, action: Action, points: Array, weights: Array | None = None
 ) -> MotionLine | None:
-    """Return the motion along a curve of control points, shape (n, 2) [m]; None after a fault."""
+    """Return the motion along the curve of control points, shape (n, 2) [m]; None after a fault."""
     curve = _curve(block, action, points, weights)
     if curve is None or block.faults.found:
         return None

@@ -1,4 +1,4 @@
-"""G96 and G97: a spindle that turns as fast as the tool's distance from its axis asks (D-120)."""
+"""G96 and G97: a spindle speed that follows the tool's distance from the spindle's axis (D-120)."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from mcserver.motion.canonical import Canonical, FeedGroup, MotionLine, SpeedGro
 from mcserver.motion.geometry.curves import LineCurve
 from mcserver.units import FOOT, MINUTE, TURN, AxisType
 
-# the axis whose place is the radius
+# the axis whose distance from the spindle's axis is the radius
 RADIUS_AXIS = 0
-# under G95 F is kept for so much of a spindle's turns, above which a line is parted [1]
+# under G95 a line is split so that the spindle's speed varies by this ratio within a part
 _PART = 1.05
-# closer to the spindle's axis nothing is parted [m]
+# radius below which lines are not split [m]
 _LEAST_RADIUS = 1e-5
 _MOST_PARTS = 1000
 
 
 def choose_speed(block: BlockState, action: Action, *, stops: bool) -> None:
-    """Begin or end constant surface speed; ``stops``: M5 stands in the line."""
+    """Begin or end constant surface speed; ``stops``: the line has M5."""
     frame = block.frame
     speed = action.words.get("S")
     if action.code == "G97":
@@ -75,7 +75,7 @@ def choose_speed(block: BlockState, action: Action, *, stops: bool) -> None:
 
 
 def set_surface_speed(block: BlockState, surface: Surface, value: float) -> None:
-    """Take S, above 0, as a surface speed: m/min, or feet a minute under G20."""
+    """Set S, above 0, as a surface speed: m/min, or ft/min under G20."""
     speed = value * (FOOT if block.modal.inch else 1.0) / MINUTE
     block.frame = msgspec.structs.replace(
         block.frame, surface=msgspec.structs.replace(surface, speed=speed, line=block.parsed.number)
@@ -83,7 +83,7 @@ def set_surface_speed(block: BlockState, surface: Surface, value: float) -> None
 
 
 def spindle_group(block: BlockState, frame: Frame, spindle: Axis) -> SpeedGroup:
-    """Return how the spindle turns in a frame, with X where the last line led to."""
+    """Return the spindle's motion in a frame, for X at the end of the last line."""
     if frame.surface is None:
         speed = motor_speed(frame.spindle_rpm * frame.direction, spindle.travel_per_motor_turn)
         return SpeedGroup((spindle.index,), (speed,))
@@ -94,7 +94,7 @@ def spindle_group(block: BlockState, frame: Frame, spindle: Axis) -> SpeedGroup:
 
 
 def follow_zero(block: BlockState) -> list[Canonical]:
-    """Return how the spindle turns behind a line that has shifted the zero of X; nothing: as before."""
+    """Return the spindle's motion after a line that has shifted the zero of X; empty if unchanged."""
     frame, index = block.frame, block.setup.machine.dialect.spindle
     surface = frame.surface
     if surface is None or index is None or surface.zero == _zero(block):
@@ -107,18 +107,19 @@ def follow_zero(block: BlockState) -> list[Canonical]:
 
 
 def turns_at(block: BlockState, surface: Surface) -> float:
-    """Return the spindle's turns a minute where the last line led to."""
+    """Return the spindle's revolutions per minute at the end of the last line."""
     law = _law(surface)
     return law.at(block.commanded.positions.get(RADIUS_AXIS, law.zero)) * MINUTE / TURN
 
 
 def part_by_turns(block: BlockState, line: MotionLine) -> list[MotionLine]:
-    """Part a line of G95 so that each part has F for the turns that the spindle makes there.
+    """Split a line of G95 so that each part has F for the spindle's speed there.
 
-    F never counts more turns than there are. Arcs are left whole, with the turns at their greatest radius.
+    Each part takes the lower speed at its ends. Arcs are not split, and take the speed at their greatest
+    radius.
 
     Args:
-        line: with the speed that one turn a minute gives it [m/s].
+        line: with its speed at one revolution per minute [m/s].
     """
     surface = block.frame.surface if block.modal.per_turn else None
     group = line.groups[0]
@@ -158,11 +159,11 @@ def part_by_turns(block: BlockState, line: MotionLine) -> list[MotionLine]:
 
 
 def _shares(start: float, end: float, law: SurfaceSpeed) -> list[float]:
-    """Return where a line is parted, 0 to 1: the spindle's speed differs by `_PART` from place to place."""
+    """Return where to split a line, from 0 to 1: the spindle's speed differs by `_PART` between places."""
     radii = sorted({abs(start - law.zero), abs(end - law.zero)})
     if (start - law.zero) * (end - law.zero) < 0.0:
         radii.insert(0, 0.0)
-    # within it the spindle turns at its greatest
+    # inside it the spindle has its greatest speed
     least = max(law.speed / law.greatest, _LEAST_RADIUS)
     found: set[float] = {0.0, 1.0}
     radius = max(least, radii[0])
@@ -178,7 +179,7 @@ def _shares(start: float, end: float, law: SurfaceSpeed) -> list[float]:
 
 
 def _paced(line: MotionLine, group: FeedGroup, turning: float) -> MotionLine:
-    """Return a line with this group, at the speed that F has at a spindle's speed [rad/s]."""
+    """Return a line with this group, and the speed of its F at a spindle's speed [rad/s]."""
     assert group.speed is not None
     speed = group.speed * turning * MINUTE / TURN
     length = group.curves[group.reference].length

@@ -23,15 +23,15 @@ MOST_PASSES = 1000
 
 
 class Spindle(msgspec.Struct, frozen=True):
-    """The spindle as the program has commanded it: its axis and speed, negative under M4 [1/s]."""
+    """The commanded spindle: its axis and speed, negative under M4 [1/s]."""
 
     axis: int
     turns_s: float
 
 
 def read_threads(block: BlockState, action: Action) -> list[Canonical]:
-    """Return the motion of G33 or G76; faults are reported and nothing is returned."""
-    # bare axis words behind it do not repeat it, nor what was in force before
+    """Return the motion of G33 or G76; empty after a fault, which is reported."""
+    # afterwards bare axis words repeat neither the pass nor an earlier motion code
     block.end_motion_code()
     if action.code == "G76" and block.modal.plane != 18 and "Q" in action.words and "J" not in action.words:
         block.faults.add(
@@ -87,10 +87,10 @@ def orient(block: BlockState, action: Action) -> list[Canonical]:
 
 
 def find_spindle(block: BlockState, action: Action, direction: int | None = None) -> Spindle | None:
-    """Return the spindle that is followed; None after a fault (MC177, MC178).
+    """Return the spindle to synchronize to; None after a fault (MC177, MC178).
 
     Args:
-        direction: in which it is about to turn; None: as it turns.
+        direction: which it is about to turn in; None: its present one.
     """
     axis = _endless_spindle(block, action)
     if axis is None:
@@ -118,7 +118,7 @@ def find_spindle(block: BlockState, action: Action, direction: int | None = None
 
 
 def _endless_spindle(block: BlockState, action: Action) -> Axis | None:
-    """Return the spindle's axis, which turns on and on; None after a fault (MC177)."""
+    """Return the spindle's axis if its travel is endless; None after a fault (MC177)."""
     index = block.setup.machine.dialect.spindle
     if index is None:
         block.faults.add(
@@ -148,7 +148,7 @@ def _endless(axis: Axis) -> bool:
 
 
 def _words(block: BlockState, action: Action, letter: str, what: str, refused: str) -> dict[str, float]:
-    """Return words as lengths [m], ``letter`` needed and above 0; report those that are refused."""
+    """Return words as lengths [m]; ``letter`` is required and above 0, ``refused`` letters are reported."""
     for word in action.words.values():
         if word.letter in refused:
             block.faults.add("MC112", f"{action.code} does not take {word.letter}", word.span, "take it out")
@@ -172,7 +172,7 @@ def read_pass(
     *,
     taps: bool = False,
 ) -> ThreadLine | None:
-    """Return one pass to ``targets`` [m], where the block ends then; None after a fault (MC179, MC180)."""
+    """Return one pass to ``targets`` [m], the end of the block; None after a fault (MC179, MC180)."""
     starts = {axis: block.commanded.start(axis) for axis in targets}
     known = not block.commanded.guessed.intersection(targets)
     travel = [end - starts[axis] for axis, end in targets.items()]
@@ -238,10 +238,10 @@ def read_pass(
 
 
 def _cycle(block: BlockState, action: Action, spindle: Spindle) -> list[Canonical]:
-    """Return the passes of G76, along Z, each at a place of X and back to where the cycle begins.
+    """Return the passes of G76 along Z, each at its X and back to the start of the cycle.
 
-    The depths are those of LinuxCNC's documentation: J·n^(1/R) of the n-th, K of the last, which H spring
-    passes repeat; Q turns the way into the work, so that one flank cuts, and the last pass ends at Z.
+    The depths are as in LinuxCNC's documentation: J·n^(1/R) for the n-th, K for the last, which H spring
+    passes repeat; Q turns the infeed so that one flank cuts, and the last pass ends at Z.
     """
     words = _words(block, action, "P", "the pitch", "")
     numbers = {letter: word.value for letter, word in action.words.items()}

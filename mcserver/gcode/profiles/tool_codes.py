@@ -1,4 +1,4 @@
-"""Read the codes of tools: T, M6 and M61, their lengths, and the tool table by G10 L1 (D-65)."""
+"""Read tool codes: T, M6 and M61, tool lengths, and the tool table by G10 L1 (D-65)."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from mcserver.machine.dialect_section import Cutter
 from mcserver.motion.canonical import Canonical, PauseLine
 from mcserver.units import AxisType
 
-# the greatest number of a tool, as of [[cutter]]
+# greatest tool number, as for [[cutter]]
 MAX_CUTTER = 99999
-# a computed number is a whole one where it differs by less (LinuxCNC)
+# a computed number this close to a whole one is whole (LinuxCNC)
 WHOLE = 0.0001
 
 
 def set_cutter(block: BlockState, action: Action) -> None:
-    """Set a line of the tool table: P its number, Z its length, R its radius; what is left out stays."""
+    """Set a line of the tool table: P number, Z length, R radius; omitted values stay."""
     chosen, radius = action.words.get("P"), action.words.get("R")
     if chosen is None or chosen.value != int(chosen.value) or not 1 <= chosen.value <= MAX_CUTTER:
         place = action.span if chosen is None else chosen.span
@@ -71,7 +71,7 @@ def set_cutter(block: BlockState, action: Action) -> None:
 
 
 def choose_length(block: BlockState, action: Action) -> None:
-    """Take the length of a tool of the table (G43, G43.4, G43.5), or none (G49)."""
+    """Set the length of a tool of the table (G43, G43.4, G43.5), or none (G49)."""
     frame = block.frame
     if action.code == "G49":
         block.frame = msgspec.structs.replace(frame, tool_length=0.0, tip_tool=None, by_direction=False)
@@ -88,7 +88,7 @@ def choose_length(block: BlockState, action: Action) -> None:
 
 
 def set_length(block: BlockState, action: Action) -> None:
-    """Take the tool's length from the line itself (G43.1), a length along Z alone."""
+    """Set the tool length along Z that the line gives (G43.1)."""
     values = axis_values(block, action)
     if values.keys() != {LENGTH_AXIS}:
         block.faults.add(
@@ -100,7 +100,7 @@ def set_length(block: BlockState, action: Action) -> None:
 
 
 def choose_tool(block: BlockState, word: ProfileWord) -> None:
-    """Take the tool of a word for the next one that is fitted."""
+    """Select the tool of a word as the next to be fitted."""
     number = tool_number(block, word)
     if number is None:
         return
@@ -111,10 +111,9 @@ def choose_tool(block: BlockState, word: ProfileWord) -> None:
 
 
 def change_tool(block: BlockState, action: Action) -> list[Canonical]:
-    """Pause for a change by hand if the tool differs from the one before; "ask" pauses at the first too.
+    """Pause for a manual change if the tool differs from the last one; with "ask" at the first tool too.
 
-    So does one whose life is used up: it is not taken to be a fresh one that stands there. M61 Q says which
-    tool stands there.
+    A tool whose life is used up pauses too: a fresh one has to be fitted. M61 Q says which tool is fitted.
     """
     rule = block.setup.machine.dialect.tool_change
     if action.code == "M61":
@@ -134,7 +133,7 @@ def change_tool(block: BlockState, action: Action) -> list[Canonical]:
 
 
 def tool_number(block: BlockState, word: ProfileWord | None) -> int | None:
-    """Return the number of a tool that a word gives, without one of the fitted tool; None after a fault."""
+    """Return a word's tool number, or without a word the fitted tool's; None after a fault."""
     if word is None:
         return block.frame.fitted
     number = round(word.value)
@@ -146,7 +145,7 @@ def tool_number(block: BlockState, word: ProfileWord | None) -> int | None:
 
 
 def refuse_unknown_tool(block: BlockState, number: int, word: ProfileWord | Action) -> None:
-    """Report that the tool table lacks a tool."""
+    """Report a tool that is not in the tool table."""
     known = ", ".join(str(each) for each in sorted(tool_table(block.setup.machine, block.frame))) or "none"
     block.faults.add(
         "MC143",

@@ -1,4 +1,4 @@
-"""Read G68, G69, G50, G51, G50.1, G51.1, G15 and G16, and what does not go with them (D-94 to D-96)."""
+"""Read G68, G69, G50, G51, G50.1, G51.1, G15 and G16, and refuse what conflicts with them (D-94 to D-96)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mcserver.gcode.text.profile_words import Action, ProfileWord, ProfileWords
 from mcserver.machine.work_systems import SYSTEM_NUMBERS
 from mcserver.units import AxisType
 
-# whole factors from here on are thousandths (Fanuc); smaller ones would be a factor elsewhere (Haas)
+# whole factors from here on are thousandths (Fanuc); smaller ones could be plain factors (Haas)
 LEAST_THOUSANDTHS = 100.0
 LEAST_FACTOR, GREATEST_FACTOR = 0.001, 1000.0
 _ZEROS = SYSTEM_NUMBERS.keys() | {"G52", "G92", "G92.1", "G92.2", "G92.3"}
@@ -23,7 +23,7 @@ _ENDS = {"G69": "rotation", "G50": "scaling", "G50.1": "scaling", "G15": "polar"
 
 
 def refuse_beside(block: BlockState, profile: ProfileWords) -> None:
-    """Report actions that do not go together with what a line leaves in force (MC185)."""
+    """Report actions that conflict with what is in force after a line (MC185)."""
     codes = {action.code for action in profile.actions}
     ended = {part: None for code, part in _ENDS.items() if code in codes}
     found = msgspec.structs.replace(
@@ -60,7 +60,7 @@ def _of_tools(action: Action) -> bool:
 
 
 def end_transformation(block: BlockState, action: Action, beside: frozenset[str]) -> None:
-    """Carry out G69, G50 and G15, and G16, which have no axis words.
+    """Execute G69, G50, G15 and G16, which have no axis words.
 
     Args:
         beside: codes of the same line.
@@ -78,7 +78,7 @@ def end_transformation(block: BlockState, action: Action, beside: frozenset[str]
         return
     if isinstance(part, Scaling):
         if part.code != "G51":
-            # its mirrors go on
+            # its mirrors stay in force
             return
         if found.rotation is not None and "G69" not in beside:
             _refuse(block, action, code, msgspec.structs.replace(found, scaling=None))
@@ -89,7 +89,7 @@ def end_transformation(block: BlockState, action: Action, beside: frozenset[str]
 
 
 def read_polar_line(block: BlockState) -> None:
-    """Let X and Y be radius and angle in this line, counted from where the axes are (@ and ^, LinuxCNC)."""
+    """Read X and Y of this line as radius and angle, relative to where the axes are (@ and ^, LinuxCNC)."""
     whole = (1, len(block.parsed.text) + 1)
     axes = [block.setup.axes.get(axis) for axis in (0, 1) if axis in block.setup.leased]
     if block.modal.transformation is not None and block.transformation != Transformation(
@@ -108,7 +108,7 @@ def read_polar_line(block: BlockState) -> None:
 
 
 def transform(block: BlockState, action: Action) -> None:
-    """Carry out the codes with words of their own, and look again at G16, behind the settings of the line."""
+    """Execute the codes with words of their own, after the line's settings, and check G16 again."""
     code = action.code
     if code == "G16":
         if block.modal.incremental:
@@ -134,7 +134,7 @@ def _rotate(block: BlockState, action: Action) -> None:
         block.faults.add("MC118", "G68 has no R: the angle", action.span, "such as G68 X0 Y0 R30")
     scaling = found.scaling
     if found.tilted:
-        # what G69 ends of both
+        # G69 ends both
         _refuse(block, action, "G68", found)
     if found.polar is not None or (scaling is not None and found.mirrors(plane)):
         reason = "G16" if found.polar is not None else f"{found.names}, which mirrors"
@@ -176,7 +176,7 @@ def _rotate(block: BlockState, action: Action) -> None:
 
 
 def _scale(block: BlockState, action: Action) -> None:
-    """Take G51 with P or I J K, and the mirrors of G51.1."""
+    """Set the scaling of G51 with P or I J K, or the mirrors of G51.1."""
     found, code, words = block.transformation, action.code, action.words
     letters = "P" + OFFSET_LETTERS if code == "G51" else ""
     _only(block, action, letters, frozenset({0, 1, 2}))
@@ -219,7 +219,7 @@ def _scale(block: BlockState, action: Action) -> None:
 
 
 def _factor(block: BlockState, word: ProfileWord) -> float:
-    """Return a factor: whole numbers are thousandths where there is no doubt about it."""
+    """Return a factor; whole numbers that cannot be plain factors are thousandths."""
     factor = word.value
     if "." not in word.text:
         if abs(factor) < LEAST_THOUSANDTHS:
@@ -242,7 +242,7 @@ def _factor(block: BlockState, word: ProfileWord) -> float:
 
 
 def _unmirror(block: BlockState, action: Action) -> None:
-    """Take mirrors away (G50.1): those of its axes, without any all."""
+    """Remove the mirrors of the named axes, or all (G50.1)."""
     found = block.transformation
     scaling = found.scaling
     named = frozenset(word.axis for word in action.axes)
@@ -270,7 +270,7 @@ def _only(block: BlockState, action: Action, letters: str, axes: frozenset[int])
 
 
 def _places(block: BlockState, action: Action, axes: frozenset[int]) -> dict[int, float]:
-    """Return the axis words in the program's zero [m]."""
+    """Return an action's axis words as coordinates in the program's zero [m]."""
     found: dict[int, float] = {}
     for word in action.axes:
         if word.axis in found:
@@ -283,7 +283,7 @@ def _places(block: BlockState, action: Action, axes: frozenset[int]) -> dict[int
 
 
 def linear(block: BlockState, action: Action, axes: tuple[int, ...]) -> bool:
-    """Return whether the program may use these axes and all of them are linear; report others."""
+    """Return whether the program may use these axes and all are linear; report others."""
     found = [block.usable_axis(axis, action) for axis in axes]
     rotary = [axis.index for axis in found if axis is not None and axis.type is not AxisType.LINEAR]
     if rotary:

@@ -1,4 +1,4 @@
-"""Sort the words of a profile's line into RS-274's order of execution, and give each code its own (D-61)."""
+"""Sort the words of a profile's line into RS-274's order of execution, and assign them to codes (D-61)."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ from mcserver.machine.dialect_section import Dialect
 _GEOMETRY_OR_SPEED = re.compile(r"[XYZUWS]")
 _GEOMETRY = re.compile(r"[XYZIJK]")
 _CYCLE_WORDS = re.compile(r"[PQUWDIR]")
-# Haas's patterns of holes, beside the number of these; else turning cycles
+# Haas's hole patterns if L, the count of holes, is given; else turning cycles
 _HOLES = frozenset({"G70", "G71", "G72"})
 _COUNT = re.compile(r"L")
-# inches and millimetres in DIN 66025, where no words of a turning cycle stand beside them
+# inch and millimetre in DIN 66025, if the line has no words of a turning cycle
 _DIN_UNITS = {"G70": "20", "G71": "21"}
 
 _OWN_LINE = "give each a line of its own"
@@ -61,14 +61,14 @@ class WordSorter:
         self.ignored = IGNORED[dialect.profile] | dialect.ignore
         if dialect.profile != "reference" and not dialect.channels:
             self.ignored |= SET_OUTPUTS
-        self._incremental = dialect.profile in ("reference", "robot")  # U V W are X Y Z as increments
+        self._incremental = dialect.profile in ("reference", "robot")  # U V W are increments of X Y Z
         self._tools = dialect.profile in ("reference", "robot")  # T means the reference's tool
 
     def sort(self, words: list[Word], code: str, faults: FaultList) -> tuple[list[Word], ProfileWords]:
         """Sort the words of a line.
 
         Returns:
-            Words of the reference's grammar in their order, and what the profile has besides.
+            Words of the reference's grammar in order, and the actions of the profile.
         """
         settings: list[Word] = []
         feeds: list[Word] = []
@@ -98,7 +98,7 @@ class WordSorter:
                 elif name in RIGID_TAPS and self._dialect.profile == "cnc":
                     codes.append(msgspec.structs.replace(word, value=RIGID_TAPS[name]))
                 elif name == "G0" and self._dialect.profile == "printer":
-                    # firmware of printers moves both alike (D-61)
+                    # printers' firmware moves alike with both (D-61)
                     motions.append(msgspec.structs.replace(word, text="1", value=1.0))
                 elif name in MOTIONS:
                     motions.append(word)
@@ -107,7 +107,7 @@ class WordSorter:
                 elif name == "G50" and _GEOMETRY_OR_SPEED.search(code):
                     self.refuse(word, name, faults)
                 elif name in ("G5", "G5.1") and not _GEOMETRY.search(code):
-                    # G5 P10000 and G5.1 Q1 are Fanuc's lookahead; with X and Y they are splines
+                    # without X and Y, G5 P10000 and G5.1 Q1 are Fanuc's lookahead, not splines
                     ignored.append(name)
                 elif name == "G8" and "P" in code:
                     # Fanuc's lookahead, as G5 P10000
@@ -147,7 +147,7 @@ class WordSorter:
                 own.append(word)
         loose += as_axis_words(polar, codes, loose, machine_frame, faults)
         if faults.found:
-            # what is left of such a line would only be blamed for it; what stays in force is still known
+            # only report the fault found: keep what sets modal state, drop the words that depended on it
             known = [*settings, *feeds, *(motions + loose if compensated and motions else [])]
             return known, ProfileWords(ignored=tuple(ignored))
         taken = self._io_words(codes, own, loose, faults)
@@ -158,7 +158,7 @@ class WordSorter:
         names = {code_name(word.letter, word.value) for word in (*settings, *codes)}
         names |= {"REPEAT"} if repeated else set()
         if motions and "P" not in taken and not names & {"G4", "G28", "G30"}:
-            # of an arc: the turns
+            # P of an arc: its turns
             loose += [word for word in own if word.letter == "P"]
             own = [word for word in own if word.letter != "P"]
         if not ignored:
@@ -177,17 +177,17 @@ class WordSorter:
     def _io_words(
         self, codes: list[Word], own: list[Word], loose: list[Word], faults: FaultList
     ) -> frozenset[str]:
-        """Give codes of inputs and outputs their words, which may be axis letters elsewhere.
+        """Give I/O codes their words, whose letters may be axes elsewhere.
 
         Returns:
-            Letters that one of M62 to M68 takes in this line.
+            Letters taken by M62 to M68 in this line.
         """
         letters: set[str] = set()
         first: Word | None = None
         for word in codes:
             name = code_name(word.letter, word.value)
             if name in self._dialect.mapped:
-                # R of M109 is a temperature that is waited for in falling, too
+                # R of M109 is a temperature that is also waited for when cooling
                 letters.update("SR" if name in self._dialect.waits else "S")
             if name not in self.acting or name not in IO_WORDS:
                 continue
@@ -216,9 +216,9 @@ class WordSorter:
     def _one_motion(
         self, codes: list[Word], motions: list[Word], machine_frame: bool, faults: FaultList
     ) -> None:
-        """Report codes that would each take the axis words of the line.
+        """Report codes that compete for the axis words of the line.
 
-        G0 and G1 beside G28 or G30 leave it their words and are in force behind it (D-61), as posts write it.
+        G0 and G1 beside G28 or G30 leave it the words and are in force afterwards (D-61), as posts write it.
         """
         takers = [word for word in codes if code_name(word.letter, word.value) in TAKES_AXES]
         returning = bool(takers) and code_name(takers[0].letter, takers[0].value) in ("G28", "G30")
@@ -232,7 +232,7 @@ class WordSorter:
             faults.add("MC153", f"G53 goes with G0 and G1, not with {name}", takers[0].span, _OWN_LINE)
 
     def _repeats_cycle(self, codes: list[Word], own: list[Word], loose: list[Word]) -> bool:
-        """Return True if a line without a motion code has words that only a canned cycle takes."""
+        """Return whether a line without a motion code has words that only a canned cycle takes."""
         names = {code_name(word.letter, word.value) for word in codes}
         if self._dialect.profile != "cnc" or names & (TAKES_AXES | {"G4", "M19"}):
             return False
@@ -241,14 +241,14 @@ class WordSorter:
     def _actions(
         self, codes: list[Word], own: list[Word], loose: list[Word], faults: FaultList, others: bool
     ) -> list[Action]:
-        """Give each acting code the words that it takes; axis words are taken out of ``loose``."""
+        """Give each acting code its words, removing axis words from ``loose``."""
         actions: list[Action] = []
         words = {word.letter: word for word in own}
         names = {code_name(word.letter, word.value) for word in codes}
         for position, word in enumerate(own):
             if any(word.letter == each.letter for each in own[:position]) and not names & IO_WORDS.keys():
                 faults.add("MC111", f"{word.letter} stands twice in one line", word.span, "keep one of them")
-        # of printers' G4 S is the time
+        # S of G4 is the time on printers
         dwells = self._dialect.profile == "printer" and "G4" in names
         speeds = not (dwells or names & (self._dialect.mapped - SPINDLE))
         for word in own:
@@ -277,7 +277,7 @@ class WordSorter:
                         faults.add("MC111", shown, each.span, "keep one of them")
                 taken.update(first)
                 loose.clear()
-            # G4 X2.5 is a dwell; beside P or a motion X is where the axis goes
+            # G4 X2.5 is a dwell; with P or a motion, X is a target
             if name == "G4" and "P" not in words and not others:
                 taken.update({each.letter: each for each in loose if each.letter == "X"})
                 loose[:] = [each for each in loose if each.letter != "X"]
@@ -288,7 +288,7 @@ class WordSorter:
         return actions
 
     def _unused(self, own: list[Word], names: set[str], ignored: list[str], faults: FaultList) -> None:
-        """Report words that no code of the line takes; an extruder that is not there has no effect."""
+        """Report words that no code of the line takes; E without an extruder has no effect."""
         printer = self._dialect.profile == "printer"
         taken = {"S", "T"}
         for name in names:
@@ -311,7 +311,7 @@ class WordSorter:
             )
 
     def refuse_tool(self, name: str, number: float, span: Span, faults: FaultList) -> bool:
-        """Report a T of another extruder than the one that a printer has; return True then."""
+        """Report a T for an extruder that the printer lacks; return whether it was one."""
         if self._dialect.profile != "printer" or number == 0.0 or name in self._dialect.ignore:
             return False
         faults.add(
@@ -324,8 +324,8 @@ class WordSorter:
         return True
 
     def refuse(self, word: Word, name: str, faults: FaultList) -> None:
-        """Report a code that the profile does not read."""
-        # Fanuc's M98 is none of a printer's
+        """Report a code that is not in the profile."""
+        # a printer's M98 is not Fanuc's
         reason = None if (self._dialect.profile, name) == ("printer", "M98") else REFUSED.get(name)
         if reason is not None:
             faults.add(
@@ -336,7 +336,7 @@ class WordSorter:
                 "MC110",
                 f"{name} is not a code of the profile {self._dialect.profile}",
                 word.span,
-                # a G-code may move, or say where the tool's point is: nobody is told to leave it out
+                # a G-code may move, or change where the tool's point is: no hint to leave it out
                 f'if it may go without effect, list it in the machine file: [dialect] ignore = ["{name}"]'
                 if word.letter == "M"
                 else "let the post write what the profile reads",
@@ -344,7 +344,7 @@ class WordSorter:
 
 
 def _strays(own: list[Word], names: set[str], beside: str) -> list[str]:
-    """Name words that a code without effect does not explain: they could have meant something."""
+    """Name words that codes without effect do not take: they could have meant something."""
     taken = "".join(OWN_WORDS.get(name, "") for name in names)
     return [
         f"{word.letter} beside {beside}" for word in own if word.letter in "DHQL" and word.letter not in taken
@@ -352,7 +352,7 @@ def _strays(own: list[Word], names: set[str], beside: str) -> list[str]:
 
 
 def _precedence(word: Word) -> int:
-    """Return where a code stands in RS-274's order of execution (D-61)."""
+    """Return a code's rank in RS-274's order of execution (D-61)."""
     name = code_name(word.letter, word.value)
     if name in IO_WORDS:
         return 0

@@ -1,6 +1,6 @@
 """Compute arcs of G02 and G03 in their plane (D-22): centre, sweep, length, extrema.
 
-Points are (first, second) of the plane, in right-handed order seen from its positive normal [m].
+Points are (first, second) axis of the plane, right-handed as seen from its positive normal [m].
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from mcserver.units import DEGREE, INCH, MM, TURN
 
 Point = tuple[float, float]
 
-# A smaller sweep is a full circle; LinuxCNC has 1e-6, Grbl 5e-7 [rad].
+# A smaller sweep is a full circle; 1e-6 in LinuxCNC, 5e-7 in Grbl [rad].
 SMALLEST_SWEEP = 1e-6
-# An arc beyond it is a full circle to the eye: D-22 warns of one between two different points [rad].
+# A larger sweep looks like a full circle: D-22 warns if its end is not its start [rad].
 NEARLY_CLOSED = 359.99 * DEGREE
 SMALLEST_RADIUS = 0.001 * MM
 
 
 class RadiusTolerance(NamedTuple):
-    """How far start and end radius may differ: ``share`` of the radius, within ``least`` … ``most`` [m]."""
+    """Allowed difference of start and end radius: ``share`` of the radius, in ``least`` … ``most`` [m]."""
 
     least: float
     share: float
@@ -38,19 +38,19 @@ D22_TOLERANCE = RadiusTolerance(0.005 * MM, 0.001, math.inf)
 
 
 def radius_tolerance(profile: str, *, inch: bool) -> RadiusTolerance:
-    """Return D-22's tolerance; in ``cnc`` LinuxCNC's, for ends and centres rounded to 0.01 mm or 0.001 in.
+    """Return D-22's tolerance; for ``cnc`` LinuxCNC's, for ends and centres rounded to 0.01 mm or 0.001 in.
 
     Source: LinuxCNC's defaults of CENTER_ARC_RADIUS_TOLERANCE_MM and _INCH, and its arc_data_ijk.
     """
     if profile != "cnc":
         return D22_TOLERANCE
     least = 2.0 * math.sqrt(2.0) * (0.001 * INCH if inch else 0.01 * MM)
-    # its 0.1 % is of the larger radius
+    # LinuxCNC's 0.1 % is of the larger radius
     return RadiusTolerance(least, 0.001 / 0.999, 100.0 * least)
 
 
 class ArcFault(Exception):
-    """Base of the reasons for which an arc is not defined."""
+    """An arc is not defined; the subclasses are the reasons."""
 
 
 class ChordTooLong(ArcFault):
@@ -62,7 +62,7 @@ class ChordTooLong(ArcFault):
 
 
 class SamePoint(ArcFault):
-    """Start and end are seen from the centre within `SMALLEST_SWEEP`, so that R fixes no centre."""
+    """Start and end are within `SMALLEST_SWEEP` as seen from the centre, so that R fixes no centre."""
 
 
 class RadiusMismatch(ArcFault):
@@ -87,7 +87,7 @@ class Arc(msgspec.Struct, frozen=True):
     growth: float
 
     def nearly_closed(self, start: Point, end: Point) -> bool:
-        """Return True if it goes all the way round and ends at another point: most likely a mistake."""
+        """Return whether it is almost a full turn but ends at another point: most likely a mistake."""
         apart = math.hypot(end[0] - start[0], end[1] - start[1])
         return abs(self.sweep) > NEARLY_CLOSED and apart >= SMALLEST_SWEEP * self.radius
 
@@ -159,7 +159,7 @@ def arc_by_centre(
     end_radius = math.hypot(end[0] - centre[0], end[1] - centre[1])
     if start_radius < SMALLEST_RADIUS:
         raise ZeroRadius
-    # a hair above the rule's value, so that a difference of exactly the tolerance passes in floating point
+    # slightly above the rule's value, so that a difference of exactly the tolerance passes in floating point
     if abs(start_radius - end_radius) > tolerance.at(start_radius) * (1.0 + 1e-9) + 1e-12:
         raise RadiusMismatch(start_radius, end_radius)
     if end_radius < SMALLEST_RADIUS:
@@ -181,7 +181,7 @@ def _arc(start: Point, end: Point, centre: Point, clockwise: bool, turns: int) -
 
 
 def plane_extrema(arc: ArcCurve) -> tuple[Point, Point]:
-    """Return the least and the greatest position of the plane's two axes along the arc [m]."""
+    """Return the smallest and the largest position of the plane's two axes along the arc [m]."""
     start, end = arc.start, arc.end
     radius = max(arc.start_radius, arc.end_radius)
     low = [min(start[0], end[0]), min(start[1], end[1])]

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-# first and second axis in right-handed order seen from the plane's positive normal
+# first and second axis, right-handed as seen from the plane's positive normal
 PLANES: Mapping[int, tuple[int, int]] = MappingProxyType({17: (0, 1), 18: (2, 0), 19: (1, 2)})
 OFFSET_LETTERS = "IJK"
 
 
 class NoPlane(Exception):
-    """The words leave the plane open or contradict each other; the message says which word is missing."""
+    """The words do not determine a plane, or contradict each other; the message names the missing word."""
 
     def __init__(self, message: str, hint: str) -> None:
         super().__init__(message)
@@ -24,11 +24,11 @@ def choose_plane(chosen: int | None, offsets: frozenset[int], endpoint: frozense
 
     Args:
         chosen: G17-G19 in force, or None.
-        offsets: those of I J K that are written, as 0 1 2; empty in the R form.
-        endpoint: those of X Y Z (U V W) that are written, as 0 1 2.
+        offsets: which of I J K are written, as 0 1 2; empty in the R form.
+        endpoint: which of X Y Z (U V W) are written, as 0 1 2.
 
-    Raises:
-        NoPlane: the words leave it open, or contradict each other.
+        Raises:
+            NoPlane: the words do not determine a plane, or contradict each other.
     """
     if chosen is not None:
         return chosen
@@ -38,7 +38,7 @@ def choose_plane(chosen: int | None, offsets: frozenset[int], endpoint: frozense
         raise NoPlane("I, J and K together lie in no single plane", "give the two offsets of the arc's plane")
     fitting = [plane for plane, axes in PLANES.items() if offsets <= set(axes)]
     if len(fitting) > 1:
-        # one offset letter: a plane that holds the endpoint's words too, where there is one
+        # one offset letter: prefer a plane that also contains the endpoint's words
         holding = [plane for plane in fitting if endpoint <= set(PLANES[plane])]
         fitting = holding or fitting
     if len(fitting) == 1 or 17 in fitting:

@@ -1,4 +1,4 @@
-"""Turn the words of G02 and G03 into an arc in its plane, with the faults of D-22; for axes and tools."""
+"""Convert the words of G02 and G03 to an arc in its plane, with the faults of D-22; for axes and tools."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from mcserver.gcode.text.syntax import Command
 
 
 def find_plane(block: BlockState, command: Command, words: Words) -> tuple[int, int] | None:
-    """Return the two coordinates of the arc's plane, or report why there is no plane and return None."""
+    """Return the two coordinates of the arc's plane; None after a reported fault."""
     if words.radius is not None and words.offsets:
         block.faults.add(
             "MC130",
@@ -49,7 +49,7 @@ def find_plane(block: BlockState, command: Command, words: Words) -> tuple[int, 
     except NoPlane as fault:
         block.faults.add("MC132", fault.message, block.span(command), fault.hint)
         return None
-    # posts of RS-274 write I, J and K whatever the plane is: one of 0 says nothing
+    # RS-274 posts write I, J and K in every plane: a 0 does not count
     idle = block.setup.machine.dialect.profile != "reference"
     outside = [
         offset
@@ -68,7 +68,7 @@ def find_plane(block: BlockState, command: Command, words: Words) -> tuple[int, 
 
 
 def read_turns(block: BlockState, words: Words) -> int | None:
-    """Return P as a count, 1 if left out; report a fractional P or one below 1 and return None."""
+    """Return P as a count, 1 by default; None after a fault: P is fractional or below 1."""
     word = words.turns
     if word is None:
         return 1
@@ -94,7 +94,7 @@ def find_arc(
     end: Sequence[float] | Mapping[int, float],
     zero: Mapping[int, float],
 ) -> Arc | None:
-    """Compute the arc in ``plane``, or report its faults and return None.
+    """Compute the arc in ``plane``; None after a fault.
 
     Args:
         start, end: positions by coordinate 0 1 2 [m]. zero: of the program in these coordinates [m].
@@ -135,7 +135,7 @@ def find_arc(
             )
         except ChordTooLong as fault:
             scale = length_scale(words.radius.inch) * factor
-            # rounded up, so that the radius that the hint offers is long enough
+            # round up, so that the radius in the hint is long enough
             least = math.ceil(fault.chord / 2.0 / scale * 1000.0 - 1e-6) / 1000.0
             shown = shown_number(least)
             sign = "-" if radius < 0.0 else ""
@@ -194,7 +194,7 @@ def find_arc(
 def _transformed(
     block: BlockState, command: Command, words: Words, plane: tuple[int, int]
 ) -> Transformation | None:
-    """Return what turns and scales an arc, or report why it would be none, or a doubtful one."""
+    """Return the transformation of an arc; None after a fault: it would be no arc, or an ambiguous one."""
     found = block.transformation
     what = hint = ""
     if not found.keeps_circles(plane):
@@ -209,7 +209,7 @@ def _transformed(
 
 
 def _noticed(block: BlockState, command: Command, shape: Arc, start: Point, end: Point) -> Arc:
-    """Warn of an arc that all but closes and ends elsewhere (D-22)."""
+    """Warn of an arc that is nearly closed but ends elsewhere (D-22)."""
     if shape.nearly_closed(start, end):
         apart = math.hypot(end[0] - start[0], end[1] - start[1])
         block.faults.add(

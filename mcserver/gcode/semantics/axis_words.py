@@ -19,7 +19,7 @@ from mcserver.units import MM
 
 
 class ModalWord(msgspec.Struct, frozen=True, gc=False):
-    """A word with the units and the distance mode in force where it stands."""
+    """A word with the units and distance mode in force at its place."""
 
     word: Word
     inch: bool
@@ -36,7 +36,7 @@ class Words(msgspec.Struct, frozen=True):
 
     @property
     def any(self) -> bool:
-        """Return True if the command asks for a motion and does not just choose a motion code."""
+        """Return whether the command has a motion, and does not just set a motion code."""
         return bool(self.axes or self.offsets or self.radius or self.turns)
 
 
@@ -49,7 +49,7 @@ class Target(msgspec.Struct, frozen=True):
 
 
 def read_words(block: BlockState, command: Command) -> Words:
-    """Apply the command's settings, F and T from left to right and collect the other words (D-01a)."""
+    """Apply the command's settings, F and T from left to right, and collect the other words (D-01a)."""
     axes: list[ModalWord] = []
     offsets: dict[int, ModalWord] = {}
     radius: ModalWord | None = None
@@ -113,7 +113,7 @@ def apply_setting_item(block: BlockState, setting: Setting) -> None:
 
 
 def apply_feed_word(block: BlockState, word: Word) -> None:
-    """Put F in force from where it stands; F <= 0 is a fault (D-11)."""
+    """Set F from its place on; F <= 0 is a fault (D-11)."""
     least = smallest_feed(block.modal)
     if block.modal.per_turn and word.value * length_scale(block.modal.inch) > LARGEST_FEED_PER_TURN * MM:
         unit = "in" if block.modal.inch else "mm"
@@ -143,7 +143,7 @@ def apply_feed_word(block: BlockState, word: Word) -> None:
 
 
 def apply_tool_word(block: BlockState, word: Word) -> None:
-    """Put T in force until G1050 or another T (D-50)."""
+    """Select the tool of T until G1050 or another T (D-50)."""
     setup = block.setup
     if word.value != word.value:
         block.change(tool=ASSUMED_TOOL)
@@ -174,7 +174,7 @@ def apply_tool_word(block: BlockState, word: Word) -> None:
 
 
 def resolve_targets(block: BlockState, words: tuple[ModalWord, ...]) -> list[Target]:
-    """Compute the ends of directly named axes; after a faulty word the axis's position counts as a guess."""
+    """Compute the ends of directly named axes; after a faulty word, the axis's position becomes a guess."""
     given: dict[int, WordValue] = {}
     named: dict[int, Word] = {}
     for entry in words:
@@ -196,7 +196,7 @@ def resolve_targets(block: BlockState, words: tuple[ModalWord, ...]) -> list[Tar
         for axis in block.transformation.coupled(frozenset(given)):
             block.commanded.mark_guessed(axis)
         return []
-    # what a rotation takes along is said of the word that does it
+    # an axis moved by a rotation alone is reported at the word that causes it
     return [
         Target(block.setup.axes[axis], end, named.get(axis, first))
         for axis, end in found.items()
@@ -207,7 +207,7 @@ def resolve_targets(block: BlockState, words: tuple[ModalWord, ...]) -> list[Tar
 def _whole(
     block: BlockState, words: tuple[ModalWord, ...], given: dict[int, WordValue]
 ) -> dict[int, WordValue]:
-    """Leave out words of coupled axes one of which has no known place; these places count as guesses."""
+    """Drop words of coupled axes if the position of one is unknown; their positions become guesses."""
     lost = {entry.word.axis for entry in words if entry.word.axis >= 0} - given.keys()
     known = dict(given)
     for axis in given:

@@ -24,18 +24,18 @@ from mcserver.gcode.text.words import Word
 from mcserver.machine.follow_section import Superimposed
 from mcserver.machine.machine_file import Axis, Machine
 
-# stands for a feed that could not be read, so that later lines are not blamed for it; never leaves a check
+# replaces a feed that could not be read, so that later lines have no fault for it; only in checks
 ASSUMED_FEED = Feed(1.0, 1.0)
 ASSUMED_TOOL = -1
 
 
 class Setup(msgspec.Struct, frozen=True):
-    """What stays constant while a program runs.
+    """Tables that stay constant while a program runs.
 
     Attributes:
         axes: of the machine, by number.
         leased: axes that the program may use.
-        chains: axes of each tool, in the chain's order.
+        chains: axes of each tool, in its chain's order.
         tools_of: tools that use an axis.
         dynamics: of joints with torque limits; None without any.
         switches: of the operator.
@@ -57,8 +57,8 @@ def set_up(
     lease: frozenset[int] | None,
     switches: Switches = AS_WRITTEN,
 ) -> Setup:
-    """Build the tables of a machine; without a lease the program may use all its axes."""
-    # a second drive does what its leader is told
+    """Build the tables for a machine; without a lease the program may use all axes."""
+    # the second drive of a gantry cannot be programmed
     axes = {axis.index: axis for axis in machine.axes if axis.gantry is None}
     dynamics = None if kinematics is None else kinematics.dynamics
     chains = {} if kinematics is None else {tool: tuple(kinematics.axes(tool)) for tool in kinematics.tools}
@@ -113,12 +113,12 @@ class BlockState:
 
     @property
     def path_tolerance(self) -> float:
-        """The path tolerance in force for corners [m]."""
+        """Path tolerance in force for corners [m]."""
         return self.setup.machine.corner_tolerance(self.modal.tolerance)
 
     @property
     def arc_tolerance(self) -> RadiusTolerance:
-        """How far start and end radius of an arc may differ (D-22)."""
+        """Allowed difference of an arc's start and end radius (D-22)."""
         return radius_tolerance(self.setup.machine.dialect.profile, inch=self.modal.inch)
 
     def change(self, **fields: object) -> None:
@@ -134,7 +134,7 @@ class BlockState:
     def frame(self, frame: Frame) -> None:
         before = self.modal.shift or {}
         if frame.cycle is not None and frame.directions != self.frame.directions:
-            # it knows its heights along the directions before
+            # its heights are along the old directions
             frame = msgspec.structs.replace(frame, cycle=None)
         self.modal = with_frame(self.modal, frame)
         after = self.modal.shift or {}
@@ -144,7 +144,7 @@ class BlockState:
 
     @property
     def transformation(self) -> Transformation:
-        """Rotation, scaling and polar coordinates in force; those that change nothing are not kept."""
+        """Rotation, scaling and polar coordinates in force; setting one without effect removes it."""
         return self.modal.transformation or Transformation()
 
     @transformation.setter
@@ -153,18 +153,18 @@ class BlockState:
 
     @property
     def drilling(self) -> bool:
-        """Return True if a canned cycle is in force, which axis words without a code repeat (D-75)."""
+        """Whether a canned cycle is in force, which axis words without a code repeat (D-75)."""
         frame = self.modal.frame
         return self.modal.motion is None and frame is not None and frame.cycle is not None
 
     def end_motion_code(self) -> None:
-        """Let no motion code or cycle be in force, which axis words without a code would repeat."""
+        """End the motion code or cycle in force, so that axis words without a code repeat none."""
         self.change(motion=None, spline_end=None, control_points=None)
         if self.frame.cycle is not None:
             self.frame = msgspec.structs.replace(self.frame, cycle=None)
 
     def span(self, source: Word | Command | ProfileWord | Action) -> Span:
-        """Return the columns of a word or of a whole command; computed only for faults."""
+        """Return the columns of a word or of a command; only computed for faults."""
         if isinstance(source, Action | ProfileWord):
             return source.span
         if isinstance(source, Word):
@@ -172,7 +172,7 @@ class BlockState:
         return self.parsed.command_span(source)
 
     def refuse_missing_axis(self, index: int, source: Word | Command | ProfileWord | Action) -> None:
-        """Report that programs cannot name an axis (MC108): it is not there, or it is a second drive."""
+        """Report an axis that programs cannot name (MC108): it does not exist, or is a second drive."""
         machine = self.setup.machine
         axis = machine.axis(index)
         if axis is not None and axis.gantry is not None:
@@ -185,18 +185,18 @@ class BlockState:
         self.faults.add("MC108", message, self.span(source), hint, axis=index)
 
     def superimposed(self, index: int) -> Superimposed | None:
-        """Return what an axis does now for one that it follows besides the program (D-142); None: nothing."""
+        """Return the axis's motion that is superimposed on the program's (D-142); None without one."""
         follows = any(index == each for each, _ in self.modal.coupled)
         return self.setup.axes[index].superimposed if follows else None
 
     def usable_axis(
         self, index: int, source: Word | Command | Action, *, coupled: bool = False, along: bool = False
     ) -> Axis | None:
-        """Return the axis, or report MC108 (not on the machine), MC109 (not leased) or MC345 (it follows
-        another one) and return None.
+        """Return the axis; None after a fault: MC108 (not on the machine), MC109 (not leased), MC345 (it
+        follows another one).
 
         Args:
-            coupled: a follower may be named. along: one that programs move besides may be.
+            coupled: a follower is allowed. along: so is one with superimposed motion.
         """
         axis = self.setup.axes.get(index)
         if axis is None:
@@ -253,6 +253,6 @@ class BlockState:
         )
 
     def end_at(self, axis: int, end: float) -> None:
-        """Set the end of a direct move; the poses of tools that use the axis become stale (D-50)."""
+        """Set the end of a direct move, which makes the poses of tools with this axis stale (D-50)."""
         self.commanded.end_at(axis, end)
         self.commanded.stale.update(self.setup.tools_of[axis])

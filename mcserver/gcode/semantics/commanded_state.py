@@ -1,4 +1,4 @@
-"""The commanded state of axes and tools: ends, path starts, poses (D-14, D-25, D-50)."""
+"""Commanded state of axes and tools: ends, path starts, poses (D-14, D-25, D-50)."""
 
 from __future__ import annotations
 
@@ -8,15 +8,16 @@ from mckinematics.pose import Pose
 
 
 class CommandedState:
-    """Commanded positions of the axes [m or rad], and what only an encoder knows.
+    """Commanded positions of the axes [m or rad], and which of them only an encoder knows.
 
     Attributes:
-        positions: commanded ends, the bases of increments.
+        positions: commanded ends, the base of increments.
         starts: of paths, for axes that were stopped before their commanded end (D-25).
-        unsynced: axes whose start only the encoder gives; True: the base of increments too (D-14).
+        unsynced: axes whose path start has to be read from the encoder; True: the base of increments too
+            (D-14).
         poses: last commanded pose of each tool.
-        stale: tools one of whose joints has moved without them.
-        guessed: axes whose position is a guess after a fault; empty outside of checks.
+        stale: tools of which a joint was moved directly since that pose.
+        guessed: axes whose position is a guess after a fault; only in checks.
     """
 
     __slots__ = ("guessed", "poses", "positions", "stale", "starts", "unsynced")
@@ -40,7 +41,7 @@ class CommandedState:
         return other
 
     def synced(self, axes: Sequence[int]) -> bool:
-        """Return True if these axes start at their commanded ends and no tool has a pose to keep."""
+        """Return whether these axes start at their commanded ends and no tool has a pose to keep."""
         if self.poses:
             return False
         if not (self.starts or self.unsynced or self.guessed):
@@ -48,7 +49,7 @@ class CommandedState:
         return not any(axis in self.starts or axis in self.unsynced or axis in self.guessed for axis in axes)
 
     def start(self, axis: int) -> float:
-        """Return the start of a path of the axis [m or rad]."""
+        """Return the path start of an axis [m or rad]."""
         return self.starts.get(axis, self.positions[axis])
 
     def path_starts(self) -> dict[int, float]:
@@ -56,25 +57,25 @@ class CommandedState:
         return {**self.positions, **self.starts}
 
     def end_at(self, axis: int, end: float) -> None:
-        """Set the commanded end of a motion that is waited for or that the next one continues."""
+        """Set the commanded end of a motion that is waited for, or that the next one continues."""
         self.positions[axis] = end
         self.starts.pop(axis, None)
         self.unsynced.pop(axis, None)
         self.guessed.discard(axis)
 
     def send_to(self, axis: int, target: float) -> None:
-        """Set the target of G1020; a later path may start before it is reached (D-25)."""
+        """Set the target of G1020, before which a later path may start (D-25)."""
         self.end_at(axis, target)
         self.unsynced[axis] = False
 
     def invalidate(self, axes: Iterable[int]) -> None:
-        """Let the encoder's reading count, after axis, speed and torque commands (D-14)."""
+        """Require the encoder's reading, after axis, speed and torque commands (D-14)."""
         for axis in axes:
             self.starts.pop(axis, None)
             self.unsynced[axis] = True
 
     def mark_guessed(self, axis: int) -> None:
-        """Mark the position of an axis as a guess, after a fault."""
+        """Mark an axis's position as a guess, after a fault."""
         self.guessed.add(axis)
         self.starts.pop(axis, None)
         self.unsynced.pop(axis, None)

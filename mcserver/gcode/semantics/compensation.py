@@ -1,6 +1,6 @@
-"""Lead the cutter's centre beside the programmed path: G40, G41, G42, G41.1, G42.1 (D-85).
+"""Cutter compensation: offset the cutter's centre from the path: G40, G41, G42, G41.1, G42.1 (D-85).
 
-A move is held until the next one in the plane is known: their corner decides where it ends.
+Each move in the plane is held back until the next one is known, since their corner decides where it ends.
 """
 
 from __future__ import annotations
@@ -33,23 +33,23 @@ from mcserver.motion.canonical import (
 from mcserver.motion.geometry.curves import ArcCurve, LineCurve
 from mcserver.units import TURN
 
-# a corner that turns by less gets no arc and cuts nothing off (LinuxCNC's TOLERANCE_CONCAVE_CORNER) [rad]
+# corners below this angle get no arc and cut nothing off (LinuxCNC's TOLERANCE_CONCAVE_CORNER) [rad]
 FLAT_CORNER = 0.05
-# values between two moves in the plane
+# most values between two moves in the plane
 MOST_BEHIND = 1000
-# of these the words would be read on the programmed path
+# actions whose words would be read relative to the programmed path
 _REFUSED = TAKES_AXES | {"M6", "M66"}
 
 
 def compensate(
     block: BlockState, before: ModalState, starts: Mapping[int, float], values: list[Canonical]
 ) -> list[Canonical]:
-    """Return what a line gives under compensation: moves beside the path, one move late.
+    """Return a line's values under compensation: offset moves, delayed by one move.
 
     Args:
-        block: behind its line; its compensation is that behind the line, too, when this returns.
-        before, starts: modal state, and starts of paths by axis [m or rad], ahead of the line.
-        values: the line's own.
+        block: after its line; this sets its compensation to that after the line.
+        before, starts: modal state and path starts by axis [m or rad] before the line.
+        values: of the line without compensation.
     """
     compensation = block.compensation
     assert compensation is not None
@@ -66,7 +66,7 @@ def compensate(
 
 
 def release(compensation: Compensation | None) -> list[Canonical]:
-    """Return what is held, with the end that it has by itself."""
+    """Return the held move and the values after it, with its end as at a straight continuation."""
     if compensation is None or compensation.held is None:
         return []
     held = compensation.held
@@ -74,7 +74,7 @@ def release(compensation: Compensation | None) -> list[Canonical]:
 
 
 def _is_allowed(block: BlockState, before: ModalState, values: Sequence[Canonical]) -> bool:
-    """Report what does not go together with compensation (MC170)."""
+    """Report what conflicts with compensation (MC170); return whether nothing does."""
     compensation, profile = block.compensation, block.parsed.profile
     assert compensation is not None
     off = "write it behind G40 and the straight move that leads out"
@@ -92,7 +92,7 @@ def _is_allowed(block: BlockState, before: ModalState, values: Sequence[Canonica
     elif not what and block.drilling and any(isinstance(value, MotionLine) for value in values):
         what = "a canned cycle"
     if not what and any(isinstance(value, PauseLine) for value in values):
-        # whoever jogs meanwhile would leave the held move with a start that is not there any more
+        # jogging during a pause would move the axes away from the start of the held move
         what = "a pause"
     kept = (MotionLine, OutputLine, EndLine)
     if not what and not all(isinstance(value, kept) for value in values):
@@ -109,7 +109,7 @@ def _refuse(block: BlockState, message: str, hint: str, code: str = "MC170") -> 
 
 
 class _Stage:
-    """One line on its way through compensation."""
+    """Applies compensation to the values of one line."""
 
     def __init__(self, block: BlockState, compensation: Compensation, starts: Mapping[int, float]) -> None:
         self._block = block
@@ -117,12 +117,12 @@ class _Stage:
         self.state: Compensation | None = compensation
         self.out: list[Canonical] = []
         if compensation.side == 0 and compensation.held is not None:
-            # the way out begins where the last move ends by itself
+            # the lead-out begins at the end of the last move, without a corner
             self.out += release(compensation)
             self.state = msgspec.structs.replace(compensation, held=None, place=compensation.held.piece.end)
 
     def take(self, value: Canonical) -> None:
-        """Take one value of the line."""
+        """Process one value of the line."""
         state = self.state
         if state is None:
             self.out.append(value)
@@ -135,7 +135,7 @@ class _Stage:
             self._split(value, state)
 
     def _put(self, value: Canonical) -> None:
-        """Put a value behind what is held."""
+        """Add a value after the held move."""
         state = self.state
         if state is None or state.held is None:
             self.out.append(value)
@@ -151,7 +151,7 @@ class _Stage:
         self.state = msgspec.structs.replace(state, held=msgspec.structs.replace(state.held, behind=behind))
 
     def _split(self, value: MotionLine, state: Compensation) -> None:
-        """Part a line's move in the plane from what goes along with it."""
+        """Separate a line's move in the plane from its other groups."""
         plane = set(state.plane)
         beside: list[Group] = []
         curves: list[FeedGroup] = []
@@ -176,17 +176,17 @@ class _Stage:
             self._move(msgspec.structs.replace(value, groups=(group,)), group, state)
 
     def _stands(self, group: RapidGroup, plane: set[int]) -> bool:
-        """Return whether a rapid leaves the plane's axes where they are."""
+        """Return whether a rapid leaves the plane's axes in place."""
         ends = zip(group.axes, group.targets, strict=True)
         return all(abs(end - self._starts[axis]) <= ONE_PLACE for axis, end in ends if axis in plane)
 
     def _move(self, value: MotionLine, group: FeedGroup, state: Compensation) -> None:
-        """Take a line with one curve that has axes of the plane."""
+        """Process a line with one curve that has axes of the plane."""
         curve = group.curves[0]
         if not isinstance(curve, LineCurve | ArcCurve):
             _refuse(self._block, "a curve of other planes has no cutter compensation", "write G40 before it")
             return
-        # an axis that the line does not name stays where it is
+        # an axis that the line does not name keeps its position
         starts = {**self._starts, **dict(zip(curve.axes, curve.start, strict=True))}
         ends = {**starts, **dict(zip(curve.axes, curve.end, strict=True))}
         first, second = state.plane
@@ -220,7 +220,7 @@ class _Stage:
         self.state = None
 
     def _lead_in(self, value: MotionLine, path: Piece, state: Compensation) -> None:
-        """Go from the programmed path to a point beside the end of the first move, square to it."""
+        """Move from the programmed path to the offset point square to the end of the first move."""
         begin = state.place or path.start
         length = math.dist(begin, path.end)
         if length <= state.radius:
@@ -244,7 +244,7 @@ class _Stage:
         self._hold(value, whole, whole, begin, state)
 
     def _follow(self, value: MotionLine, path: Piece, state: Compensation) -> None:
-        """Round the corner behind what is held, which ends there, and hold this move."""
+        """Round the corner after the held move, which ends it, and hold this move."""
         whole = self._beside(path, state)
         if whole is None:
             return
@@ -289,7 +289,7 @@ class _Stage:
         self.state = msgspec.structs.replace(state, held=held, place=None, lost=False)
 
     def _paced(self, line: MotionLine, plane: tuple[int, int], piece: Piece, begin: Point) -> MotionLine:
-        """Return the line along another path; a rapid is as fast there as its slowest axis allows."""
+        """Return the line along another path; a rapid at the speed that its slowest axis allows there."""
         (laid,) = _laid_out(line, plane, piece, begin) or [line]
         assert isinstance(laid, MotionLine)
         group = laid.groups[0]
@@ -309,7 +309,7 @@ class _Stage:
         )
 
     def _check_travel(self, piece: Piece) -> None:
-        """Report a path beside the programmed one that leaves an axis's travel (MC201)."""
+        """Report an offset path that leaves an axis's travel (MC201)."""
         assert self.state is not None
         plane = self.state.plane
         path = _curve(plane, piece, piece.start, {}, {})
@@ -330,7 +330,7 @@ class _Stage:
 
 
 def _joint(before: Piece, after: Piece, corner: Point, beta: float, side: int) -> tuple[Point, Point] | None:
-    """Return where the path before a corner ends and where that behind it starts; None: nowhere.
+    """Return where the path before a corner ends and where that after it starts; None: they do not meet.
 
     Args:
         beta: angle by which the path turns away from the cutter [rad].
@@ -340,12 +340,12 @@ def _joint(before: Piece, after: Piece, corner: Point, beta: float, side: int) -
         return before.end, before.end
     place = meet(before, after, corner)
     if abs(beta) <= FLAT_CORNER:
-        # a hair of a corner, of rounded ends too: neither an arc nor a gouge
+        # a tiny corner, also of rounded ends: neither an arc nor a gouge
         near = place is not None and math.dist(place, before.end) <= 2.0 * apart
         found = place if near and place is not None else before.end
         return found, found
     half = TURN / 2.0
-    # down along the far side of a half circle and up again: above it, not around its end
+    # after the far side of a half circle straight back: the paths intersect, no arc around the end
     back = beta > half - FLAT_CORNER and before.sweep * side < 0.0
     if beta < 0.0 or beta > half + FLAT_CORNER or back:
         return None if place is None else (place, place)
@@ -353,7 +353,7 @@ def _joint(before: Piece, after: Piece, corner: Point, beta: float, side: int) -
 
 
 def _entry_arc(whole: Piece, begin: Point) -> Piece | None:
-    """Return the arc from a place on the programmed path that ends like the one beside it (LinuxCNC)."""
+    """Return the arc from a point of the programmed path to the offset arc's end, tangential (LinuxCNC)."""
     assert whole.centre is not None
     chord = (begin[0] - whole.end[0], begin[1] - whole.end[1])
     inward = (whole.centre[0] - whole.end[0], whole.centre[1] - whole.end[1])
@@ -377,7 +377,7 @@ def _without(group: RapidGroup, plane: set[int]) -> list[RapidGroup]:
 def _without_plane(
     value: MotionLine, group: FeedGroup, curve: LineCurve, plane: tuple[int, int]
 ) -> list[MotionLine]:
-    """Return a line without axes of the plane, which stand in it; none where nothing is left."""
+    """Return a line without the plane's axes, which do not move in it; empty if nothing is left."""
     kept = [column for column, axis in enumerate(curve.axes) if axis not in plane]
     if not kept:
         return []
@@ -388,7 +388,7 @@ def _without_plane(
 
 
 def _around(value: MotionLine, plane: tuple[int, int]) -> MotionLine:
-    """Return a line like another one, of the plane's axes alone, to be laid out about a corner."""
+    """Return a copy of a line with the plane's axes alone, to follow an arc around a corner."""
     group = value.groups[0]
     assert isinstance(group, FeedGroup)
     curve = LineCurve(plane, (0.0, 0.0), (0.0, 0.0))
@@ -398,7 +398,7 @@ def _around(value: MotionLine, plane: tuple[int, int]) -> MotionLine:
 
 
 def _laid_out(line: MotionLine, plane: tuple[int, int], piece: Piece, begin: Point) -> list[Canonical]:
-    """Return a programmed line along another path in the plane; none where nothing of it is left."""
+    """Return a programmed line along another path in the plane; empty if nothing of it is left."""
     group = line.groups[0]
     assert isinstance(group, FeedGroup)
     curve = group.curves[0]
@@ -422,7 +422,7 @@ def _curve(
     starts: dict[int, float],
     ends: dict[int, float],
 ) -> LineCurve | ArcCurve:
-    """Return a piece with further axes as a curve."""
+    """Return a path in the plane, extended by further axes, as a curve."""
     axes = (*plane, *starts)
     start, end = (*begin, *starts.values()), (*piece.end, *ends.values())
     if piece.centre is not None:

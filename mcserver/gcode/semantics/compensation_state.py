@@ -1,4 +1,4 @@
-"""Cutter compensation in force between two lines, an immutable value (D-85)."""
+"""Cutter compensation in force between two lines, as an immutable value (D-85)."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from mcserver.motion.canonical import Canonical, MotionLine
 
 
 class HeldMove(msgspec.Struct, frozen=True):
-    """The last move in the plane: where it ends is known when the next one is.
+    """The last move in the plane, whose end is not known before the next move.
 
     Attributes:
-        line: as it was programmed. whole: its path beside the programmed one.
-        piece: what is left of it behind the corner at its start. begin: where the cutter's centre is then.
-        behind: what comes behind it and ahead of the next one.
+        line: as programmed. whole: its offset path.
+        piece: what the corner at its start leaves of that path. begin: position of the cutter's centre there.
+        behind: values after it and before the next move.
     """
 
     line: MotionLine
@@ -29,10 +29,10 @@ class Compensation(msgspec.Struct, frozen=True):
     """G41 or G42, and G40 until the cutter is back on the programmed path.
 
     Attributes:
-        side: 1 left of the path, -1 right of it, 0 on the way back.
+        side: 1 left of the path, -1 right of it, 0 during the lead-out.
         radius: of the cutter [m]. plane: its two axes. line: of G41 or G42.
-        place: where the cutter's centre stands, off the programmed path; None: on it, or where ``held`` ends.
-        held: None before the way in and behind G40. lost: of a check, a fault came in between.
+        place: position of the cutter's centre off the path; None: on the path, or at the end of ``held``.
+        held: None before the lead-in and after G40. lost: in checks, after a fault.
     """
 
     side: int

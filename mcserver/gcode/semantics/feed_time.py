@@ -30,7 +30,7 @@ class FeedBasis(enum.Enum):
 
 
 class FeedMove(msgspec.Struct, frozen=True):
-    """One of G01-G03 with the feed in force for it."""
+    """One of G01-G03, with the feed in force."""
 
     command: Command | Action
     curve: Curve
@@ -40,24 +40,24 @@ class FeedMove(msgspec.Struct, frozen=True):
 
 
 def feed_basis(linear: int, rotary: int) -> FeedBasis:
-    """Return what F measures for so many linear and rotary axes, counted by their words (D-30)."""
+    """Return what F measures for these counts of named linear and rotary axes (D-30)."""
     if rotary == 0:
         return FeedBasis.PATH if 1 <= linear <= 3 else FeedBasis.NONE
     return FeedBasis.TURN if rotary == 1 and linear == 0 else FeedBasis.NONE
 
 
 def feed_class(axis: int, *, linear: bool) -> int:
-    """Return the order in which F counts axes in the profiles: X Y Z, other linear ones, rotary ones."""
+    """Return an axis's rank for F in the profiles: X Y Z, other linear axes, rotary axes."""
     return 2 if not linear else int(axis > 2)
 
 
 def profile_feed_basis(
     types: Sequence[AxisType], axes: Sequence[int], displacements: Sequence[float]
 ) -> tuple[FeedBasis, float]:
-    """Return what F measures in the profiles, and that length [m or rad]: RS-274's rule (D-66).
+    """Return what F measures in the profiles, and its length [m or rad], by RS-274's rule (D-66).
 
-    F is the speed along X Y Z; where none of them travels, of the other linear axes together; where these do
-    not either, of the rotary ones together. The other axes of the line go along.
+    F is the speed along X Y Z; if none of them moves, along the other linear axes together; if these do not
+    either, of the rotary axes together. The other axes of the line follow in proportion.
     """
     classes: tuple[list[float], list[float], list[float]] = ([], [], [])
     for kind, axis, displacement in zip(types, axes, displacements, strict=True):
@@ -70,7 +70,7 @@ def profile_feed_basis(
 
 
 def feed_group(block: BlockState, moves: list[FeedMove]) -> FeedGroup | None:
-    """Build the group that shares one duration, which its first command sets (D-31).
+    """Build the group of moves with a common duration, which its first command sets (D-31).
 
     Faults: MC121 no feed in force, MC122 the first command has no speed under G94, MC128 no turns for G95.
     """
@@ -104,7 +104,7 @@ def feed_group(block: BlockState, moves: list[FeedMove]) -> FeedGroup | None:
     if turns is None:
         return None
     if block.modal.per_turn and block.frame.surface is not None:
-        # the spindle's turns differ along the line, which is parted by them
+        # the spindle's speed varies along the line, which is split by it
         turns = 1.0
     speed = turns * _speed(moves[reference])
     requested = moves[reference].curve.length / speed
@@ -123,12 +123,12 @@ def feed_unit(block: BlockState) -> str:
 
 
 def turns_of_feed(block: BlockState, source: Command | Action, *, starts: bool = False) -> float | None:
-    """Return how often a minute F counts: 1 under G94, commanded turns of the spindle under G95 (D-105).
+    """Return the factor of F per minute: 1 under G94, the spindle's commanded rpm under G95 (D-105).
 
     None after a fault (MC128).
 
     Args:
-        starts: the spindle may stand, and is about to turn.
+        starts: the spindle may be stopped, and is about to turn.
     """
     if not block.modal.per_turn:
         return 1.0
@@ -159,7 +159,7 @@ def turns_of_feed(block: BlockState, source: Command | Action, *, starts: bool =
 
 
 def _longest_other(block: BlockState, moves: list[FeedMove]) -> int | None:
-    """Return the index of the command whose own T is the longest, for a first one without travel (D-31)."""
+    """Return the index of the command with the longest T, if the first has no travel (D-31)."""
     best, longest = 0, 0.0
     for index, move in enumerate(moves[1:], start=1):
         if move.measure is FeedBasis.NONE or move.feed is None or move.inverse_time:

@@ -1,4 +1,4 @@
-"""Refuse motion on which a joint cannot even be held still (D-55)."""
+"""Refuse motion through positions at which a joint cannot hold against gravity (D-55)."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from mcserver.motion.geometry.curves import Array, Curve
 from mcserver.motion.geometry.torque_limits import APART, HOLDING_SHARE, MOST_SAMPLES
 from mcserver.units import AxisType
 
-# Places at which it is seen how far a path's joints travel.
+# Shares of a path at which the joints' positions are sampled.
 PROBES = np.linspace(0.0, 1.0, 17)
 
 
 def check_holding(
     block: BlockState, command: Command | Action, curves: Iterable[Curve], before: Mapping[int, float]
 ) -> None:
-    """Report MC314 where gravity alone needs more than a joint's torque on a path.
+    """Report MC314 where gravity alone exceeds a joint's torque along a path.
 
     Args:
-        curves: that move together. before: positions of all axes ahead of them [m or rad].
+        curves: that move together. before: positions of all axes at their start [m or rad].
     """
     dynamics = block.setup.dynamics
     moved = [curve for curve in curves if dynamics is not None and set(curve.axes) & set(dynamics.axes)]
@@ -39,7 +39,7 @@ def check_holding(
     shares = np.abs(torques) / dynamics.limits
     if not shares.max() > HOLDING_SHARE:
         return
-    # the first place beyond a limit, and there the joint that is furthest beyond its own
+    # the first place where a limit is exceeded, and the joint that exceeds its limit most there
     place = int(np.argmax((shares > HOLDING_SHARE).any(axis=1)))
     joint = int(np.argmax(shares[place]))
     axis, torque = dynamics.axes[joint], abs(float(torques[place, joint]))
@@ -58,7 +58,7 @@ def check_holding(
 
 
 def _joints(dynamics: JointDynamics, curves: list[Curve], before: Mapping[int, float], s: Array) -> Array:
-    """Return the positions of the dynamics' joints at shares of a path, shape (n, J)."""
+    """Return the joint positions of the dynamics model at shares of a path, shape (n, J)."""
     found = np.tile([before[axis] for axis in dynamics.axes], (len(s), 1))
     for curve in curves:
         position = curve.position(s)

@@ -1,4 +1,4 @@
-"""Interpret parsed lines as canonical motion, with modal state between them."""
+"""Interpret parsed lines as canonical motion; modal state is kept between lines."""
 
 from __future__ import annotations
 
@@ -35,18 +35,18 @@ from mcserver.motion.canonical import AxisLine, AxisOperation, Canonical, Output
 
 
 class Interpreter:
-    """The interpreter of one program: its modal state and commanded positions (D-10).
+    """Interprets one program: its modal state and commanded positions (D-10).
 
     Args:
         machine: has the axes and tools that the program names.
-        kinematics: of its tools; None where it has none.
-        positions: commanded positions at the start [m or rad]; the drives' initial ones by default.
-        lease: axes that the program may use; all by default.
-        modal: state to start from, for a program that goes on from its middle.
-        frame: work offsets to start from where ``modal`` is None (D-62).
-        machine_coordinates: read lines as the reference has them, in positions of the axes whatever the
-            machine's profile and ``frame`` say, until `begin_program`.
-        switches: of the operator (D-98); block delete is for who reads the text (`Switches.read`).
+        kinematics: of its tools; None without tools.
+        positions: commanded positions at the start [m or rad]; by default the drives' initial ones.
+        lease: axes that the program may use; by default all.
+        modal: initial state of a program that starts in its middle.
+        frame: initial work offsets if ``modal`` is None (D-62).
+        machine_coordinates: until `begin_program`, read lines in the reference's dialect and in axis
+            positions, whatever the machine's profile and ``frame``.
+        switches: of the operator (D-98); block delete is left to the reader of the text (`Switches.read`).
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class Interpreter:
         self._compensation: Compensation | None = None
         self._capture_due = machine.dialect.auto_capture
         self._parse = reader_of(machine.dialect)
-        # what the program begins with, while lines of its approach or of a jog are read
+        # the program's initial state, while lines of its approach or of a jog are read
         self._program = self._modal if machine_coordinates else None
         if machine_coordinates:
             self._modal = INITIAL
@@ -79,42 +79,42 @@ class Interpreter:
 
     @property
     def modal(self) -> ModalState:
-        """Return the modal state between lines, from which another interpreter can start."""
+        """Modal state between lines, from which another interpreter can start."""
         return self._modal
 
     @property
     def frame(self) -> Frame | None:
-        """Return the work offsets in force, behind the program's end those it left; None: never any."""
+        """Work offsets in force, after the program's end the last ones; None: never any."""
         return self._frame
 
     def begin_program(self) -> None:
-        """Read the lines to come as the machine's programs; positions stay as they are."""
+        """Read the next lines as a program of the machine; positions stay."""
         if self._program is not None:
             self._modal, self._program = self._program, None
             self._parse = reader_of(self._setup.machine.dialect)
 
     @property
     def machine(self) -> Machine:
-        """Return the machine whose programs are read."""
+        """The machine whose programs are read."""
         return self._setup.machine
 
     @property
     def switches(self) -> Switches:
-        """Return the operator's switches."""
+        """The operator's switches."""
         return self._setup.switches
 
     @property
     def computes(self) -> bool:
-        """Whether lines may hold expressions, parameters and O-words (D-80): not on the way to the first."""
+        """Whether lines may have expressions, parameters and O-words (D-80); not in an approach or jog."""
         return self._program is None and self._setup.machine.dialect.computes
 
     @property
     def unsynced(self) -> Container[int]:
-        """Axes whose commanded position is only known once the encoder has been read."""
+        """Axes whose commanded position is unknown until the encoder has been read."""
         return self._commanded.unsynced
 
     def guess_positions(self) -> None:
-        """Let positions be guesses, behind a line that could not be computed. For checks only."""
+        """Treat positions as guesses, after a line that could not be computed; for checks only."""
         for axis in self._commanded.positions:
             self._commanded.mark_guessed(axis)
 
@@ -125,18 +125,18 @@ class Interpreter:
 
     @property
     def compensation(self) -> Compensation | None:
-        """Return the cutter compensation in force behind the last line (D-85)."""
+        """Cutter compensation in force after the last line (D-85)."""
         return self._compensation
 
     @property
     def held_line(self) -> int | None:
-        """Number of the line whose move is held until the next one is known; None: none is."""
+        """Number of the line whose move is held back until the next one is known; None without one."""
         held = None if self._compensation is None else self._compensation.held
         return None if held is None else held.line.line
 
     @property
     def _one_by_one(self) -> bool:
-        """Whether lines are not read in columns."""
+        """Whether lines cannot be read in columns."""
         modal = self._modal
         frame = modal.frame
         by_tip = frame is not None and (frame.tip_tool is not None or frame.surface is not None)
@@ -147,7 +147,7 @@ class Interpreter:
 
     @property
     def coordinates(self) -> Mapping[int, float]:
-        """Where the program is, by axis [m or rad]: as `positions`, but under G43.4 the tip's X Y Z."""
+        """The program's position by axis [m or rad]: as `positions`, but X Y Z of the tip under G43.4."""
         positions = self.positions
         frame = self._modal.frame
         if frame is None or frame.tip_tool is None:
@@ -155,7 +155,7 @@ class Interpreter:
         return {**positions, **dict(enumerate(tip_coordinates(self._setup, frame, positions)))}
 
     def axes_of(self, axis: int) -> tuple[int, ...]:
-        """Return the axes that a coordinate of the program depends on: itself, under G43.4 the tool's."""
+        """Return the axes that determine a coordinate: the axis itself, under G43.4 those of the tool."""
         frame = self._modal.frame
         tool = None if frame is None else frame.tip_tool
         return (axis,) if tool is None else (axis, *self._setup.chains[tool])
@@ -181,14 +181,14 @@ class Interpreter:
             )
 
     def finish(self) -> list[Canonical]:
-        """Return what is held, behind the last line of a text that has no M2."""
+        """Return the move held back at the end of a text without M2, and what follows it."""
         released = release(self._compensation)
         self._compensation = None
         return released
 
     @property
     def ended(self) -> bool:
-        """Return True behind M02 or M30; what follows is not read."""
+        """Whether M02 or M30 was read; later lines are ignored."""
         return self._ended
 
     def interpret(self, parsed: ParsedLine) -> list[Canonical]:
@@ -207,18 +207,18 @@ class Interpreter:
         """Parse and interpret one line.
 
         Raises:
-            ProgramRejected: with its faults of text, grammar and meaning together.
+            ProgramRejected: with all faults of text, grammar and meaning.
         """
         return self.interpret(self._parse(text, number))
 
     def parse(self, text: str, number: int) -> ParsedLine:
-        """Parse a line in the machine's dialect; faults are kept in `ParsedLine.faults`."""
+        """Parse a line in the machine's dialect; faults are stored in `ParsedLine.faults`."""
         return self._parse(text, number)
 
     def capture_before(self, parsed: ParsedLine) -> AxisLine | None:
-        """Return the capture of all leased axes that the program's first move needs ahead of it (D-67).
+        """Return the capture of all leased axes to execute before the program's first move (D-67), or None.
 
-        Only on machines with ``capture = "auto"``, and once a program.
+        Only on machines with ``capture = "auto"``, and once per program.
         """
         if not self._capture_due or self._ended or self._program is not None or not _moves(parsed):
             return None
@@ -228,10 +228,10 @@ class Interpreter:
         return AxisLine(parsed.number, AxisOperation.CAPTURE, axes)
 
     def pause_before(self, parsed: ParsedLine) -> list[Canonical]:
-        """Return the pause that comes ahead of all motion of this line, such as a tool change; empty: none.
+        """Return the pause before all motion of this line, such as for a tool change, or an empty list.
 
-        What follows it in the line has to be interpreted when the pause has ended, without the pause
-        (`without_pause`). The state stays as it is.
+        The rest of the line has to be interpreted after the pause, without it (`without_pause`). The state
+        stays as it is.
 
         Raises:
             ProgramRejected: with every fault of the line.
@@ -248,11 +248,12 @@ class Interpreter:
         return []
 
     def end_pause(self, positions: Mapping[int, float], frame: Frame | None) -> None:
-        """Go on behind a pause.
+        """Continue after a pause.
 
         Args:
-            positions: of axes that were moved meanwhile, by number [m or rad]: bases of increments and starts
-                of paths. frame: with work offsets and tools that were changed; None: they were not.
+            positions: of axes that were moved meanwhile, by number [m or rad]: base of increments and path
+                start.
+            frame: with work offsets and tools changed meanwhile; None: unchanged.
         """
         self._commanded.invalidate(positions)
         self.sync_positions(positions)
@@ -269,7 +270,7 @@ class Interpreter:
     def batch_window(self, number: int) -> int:
         """Return how many lines from line ``number`` on `interpret_batch` would read; 0: no attempt now.
 
-        Saves the caller from gathering lines in vain: after parts without batches attempts are rare.
+        Saves the caller from gathering lines in vain: attempts are rare after parts without batches.
         """
         one_by_one = self._one_by_one or self._capture_due or self._program is not None
         return 0 if one_by_one else self._batches.window(number)
@@ -277,16 +278,16 @@ class Interpreter:
     def interpret_batch(
         self, texts: Sequence[str], number: int, most: int = MAX_LINES
     ) -> InterpretedBatch | None:
-        """Parse and interpret the longest batch of lines that ``texts`` begins with.
+        """Parse and interpret the longest batch at the beginning of ``texts``.
 
-        Values and state are bit for bit those of `interpret_text` line by line. Whatever ends a batch is left
-        to `interpret_text`: other codes, a fault, a tool in force, an axis whose start only the encoder
-        gives. A failed attempt costs a few microseconds and suppresses the next ones for some lines.
+        Values and state are bit for bit those of `interpret_text` line by line. What ends a batch is left to
+        `interpret_text`: other codes, a fault, a tool in force, an axis whose start has to be read from the
+        encoder. A failed attempt costs a few microseconds and suppresses further ones for some lines.
 
         Args:
-            texts: consecutive lines without their ends.
-            number: of the first of them.
-            most: lines that may be taken.
+            texts: consecutive lines without line ends.
+            number: of the first line.
+            most: maximum count of lines to take.
 
         Returns:
             The batch; None below `mcserver.gcode.fast_path.interpreted_batch.MIN_LINES`.
@@ -307,11 +308,11 @@ class Interpreter:
         return values
 
     def check(self, parsed: ParsedLine) -> tuple[Diagnostic, ...]:
-        """Return every fault of the line and go on from the best guess of what it meant. For checks only."""
+        """Return all faults of the line, and continue from the best guess of its meaning; for checks only."""
         return self.check_line(parsed)[0]
 
     def check_line(self, parsed: ParsedLine) -> tuple[tuple[Diagnostic, ...], Sequence[Canonical]]:
-        """Return every fault of the line, and its values as far as known; go on from the best guess.
+        """Return all faults of the line, and its values as far as known; continue from the best guess.
 
         For checks only.
         """
@@ -344,25 +345,25 @@ class Interpreter:
         self._ended = interpreted.ended
 
     def axes_to_sync(self, parsed: ParsedLine) -> frozenset[int]:
-        """Return the axes whose encoder decides where this line starts (D-14, D-25); empty for most lines.
+        """Return the axes whose encoder readings determine where this line starts (D-14, D-25); mostly none.
 
-        The line names such an axis, or uses a tool of it, and a capture, speed, torque or servo command has
-        come since its last move. Before `interpret` all earlier motion has to end, the axes have to come to
-        rest, and `sync_positions` needs their readings.
+        These are axes that the line names, or of a tool that it uses, with a capture, speed, torque or servo
+        command since their last move. Before `interpret`, all motion has to end, the axes have to be at rest,
+        and `sync_positions` needs their readings.
         """
         if self._ended or not self._commanded.unsynced:
             return frozenset()
         found = find_axes_to_sync(parsed, self._setup, self._modal, self._commanded)
         if found and (self._compensation is not None or _compensates(parsed)):
-            # one axis of the plane takes the other along
+            # a rotation couples both axes of the plane
             found |= self._commanded.unsynced.keys() & set(PLANES[self._modal.plane or 17])
         return found
 
     def sync_positions(self, positions: Mapping[int, float]) -> None:
-        """Take over encoder readings [m or rad] (D-14, D-25).
+        """Set encoder readings [m or rad] (D-14, D-25).
 
-        After a capture, a speed or a torque command the reading becomes the base of increments and the start
-        of paths; after G1020 only the start of paths: the base stays the commanded end.
+        After a capture, speed or torque command the reading becomes base of increments and path start; after
+        G1020 only path start: the base stays the commanded end.
         """
         commanded = self._commanded
         for axis, position in positions.items():
@@ -380,18 +381,18 @@ class Interpreter:
 
 
 def without_pause(values: Sequence[Canonical]) -> list[Canonical]:
-    """Return the values of a line without the pause that has ended."""
+    """Return a line's values without the pause, which has ended."""
     pause = next((value for value in values if isinstance(value, PauseLine)), None)
     return [value for value in values if value is not pause]
 
 
 def _idle(parsed: ParsedLine) -> bool:
-    """Return True if the line neither does nor brings anything."""
+    """Return whether the line has neither code nor bodies."""
     return parsed.blank and not parsed.faults and not bodies_in(parsed.text)
 
 
 def _may_pause(parsed: ParsedLine) -> bool:
-    """Return True if the line holds a code that can pause the program."""
+    """Return whether the line has a code that can pause the program."""
     if parsed.profile is not None and any(
         action.code == "M6" or PRINTER_STOPS.get(action.code) for action in parsed.profile.actions
     ):
@@ -404,12 +405,12 @@ def _may_pause(parsed: ParsedLine) -> bool:
 
 
 def _compensates(parsed: ParsedLine) -> bool:
-    """Return True if the line switches cutter compensation on."""
+    """Return whether the line switches cutter compensation on."""
     return parsed.profile is not None and any(each.code in COMPENSATING for each in parsed.profile.actions)
 
 
 def _moves(parsed: ParsedLine) -> bool:
-    """Return True if the line holds anything that moves axes."""
+    """Return whether the line has anything that moves axes."""
     if parsed.profile is not None and any(action.code in MOVING for action in parsed.profile.actions):
         return True
     return any(command.moves for group in parsed.groups for command in group) or any(

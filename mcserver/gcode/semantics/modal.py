@@ -15,12 +15,12 @@ from mcserver.units import MM
 
 
 class Feed(msgspec.Struct, frozen=True, gc=False):
-    """An F in force.
+    """F in force.
 
     Attributes:
-        number: as written: degrees per minute for a rotary move, moves per minute under G93.
-        speed: under G94 along a path [m/s], fixed by the units in force where F stood (D-11); 0 under G93.
-            Under G95 both are those of one turn a minute.
+        number: as written; degrees per minute for a rotary move, moves per minute under G93.
+        speed: along a path under G94 [m/s], in the units in force where F was written (D-11); 0 under G93.
+            Under G95 both are for one revolution per minute.
     """
 
     number: float
@@ -28,14 +28,14 @@ class Feed(msgspec.Struct, frozen=True, gc=False):
 
 
 class SplineEnd(msgspec.Struct, frozen=True):
-    """Where the last G5 ended, and the way from its last control point to there, X and Y [m]."""
+    """End of the last G5, and the vector from its last control point to that end, X and Y [m]."""
 
     place: tuple[float, ...]
     leaving: tuple[float, ...]
 
 
 class ControlPoints(msgspec.Struct, frozen=True):
-    """A curve that G5.2 has begun and G5.3 is to end.
+    """A curve under construction, from G5.2 to G5.3.
 
     Attributes:
         line: of G5.2. order: one more than its degree. points: X and Y along the axes [m] and weight.
@@ -47,32 +47,32 @@ class ControlPoints(msgspec.Struct, frozen=True):
 
 
 class ModalState(msgspec.Struct, frozen=True):
-    """What stays in force from line to line; the defaults are a program's start (D-10).
+    """State that stays in force from line to line; the defaults are a program's start (D-10).
 
     Attributes:
         inch: G20. incremental: G91. inverse_time: G93. per_turn: G95. exact_stop: G61.
-        exact_next: G09 waits for its motion command.
+        exact_next: G09 for the next motion command.
         tolerance: P of G64 [m]; None: the machine file's.
         tool: number of the tool in force, None after G1050.
-        feed: None where no F is in force.
+        feed: None without an F in force.
         plane: 17, 18 or 19 once chosen.
         motion: 0-3, the code that axis words without a code repeat.
         frame: work offsets and spindle of the profiles (D-62); None in the reference's dialect.
-        shift: the program's zero in axis positions, axis → [m or rad], as the frame gives it; None: no shift.
+        shift: the program's zero in axis positions, axis → [m or rad], from the frame; None: no shift.
         transformation: rotation, scaling and polar coordinates of programmed places (D-94 to D-96).
-        absolute_centres: I J K of arcs are positions (G90.1), not increments from the start.
-        diameter: X counts diameters (G7).
-        spline_end: of the last G5, which a G5 without I and J goes on from.
-        control_points: of a curve that is not yet closed (G5.2).
+        absolute_centres: I J K of arcs are positions (G90.1), not relative to the start.
+        diameter: X is a diameter (G7).
+        spline_end: of the last G5, which a G5 without I and J continues.
+        control_points: of a curve that G5.3 has not closed yet.
         relative: axes whose words are increments under G90 too (M83).
-        flow: what words of a printer's E are multiplied by (M221). pace: what F is multiplied by (M220), and
-            kept_pace: the one that M220 R brings back (D-141).
-        advance: K that E is led by [s] (D-143); None: as the machine file has it.
-        coupled: axes that follow others (G1060), each with the line since which it does.
-        computed: parameters and subprograms of the lines before, where a program starts in its middle.
-        bodies: that the program has brought so far (D-131).
-        rollover: absolute words turn axes with `Axis.rollover` within one turn (D-139).
-        carried: tools chosen so far, each once, the last one last: their payloads stay after G1050 (D-55).
+        flow: factor of a printer's E (M221). pace: factor of F (M220); kept_pace: the one that M220 R
+            restores (D-141).
+        advance: K of pressure advance [s] (D-143); None: the machine file's.
+        coupled: axes that follow others (G1060), each with the line of its G1060.
+        computed: parameters and subprograms of the lines before, for a program that starts in its middle.
+        bodies: added by the program so far (D-131).
+        rollover: absolute words move axes with `Axis.rollover` within one turn (D-139).
+        carried: tools selected so far, each once, the last one last: their payloads stay after G1050 (D-55).
     """
 
     inch: bool = False
@@ -106,7 +106,7 @@ class ModalState(msgspec.Struct, frozen=True):
 
     @property
     def builds_on_places(self) -> bool:
-        """Whether ends of moves follow from where axes were: increments, or turned with another axis."""
+        """Whether ends of moves depend on present positions: increments, or axes coupled by a rotation."""
         return self.incremental or self.transformation is not None
 
 
@@ -116,7 +116,7 @@ SMALLEST_FEED = 1e-6
 
 
 def with_frame(modal: ModalState, frame: Frame) -> ModalState:
-    """Return the state with another frame: the zero and the directions that it gives."""
+    """Return the state with another frame, and its zero and directions."""
     found = msgspec.structs.replace(
         modal.transformation or Transformation(),
         directions=frame.directions,
@@ -132,7 +132,7 @@ def initial_modal(machine: Machine, frame: Frame | None = None) -> ModalState:
     profile = machine.dialect.profile
     start = INITIAL if profile in ("reference", "robot") else ModalState(plane=17)
     if profile == "printer":
-        # slicers leave F out of the first moves: Marlin and Klipper start with 25 mm/s
+        # slicers omit F in the first moves: Marlin and Klipper start with 25 mm/s
         start = ModalState(plane=17, feed=Feed(PRINTER_FEED, path_speed(PRINTER_FEED, inch=False)))
     if profile == "cnc" and any(axis.rollover is not None for axis in machine.axes):
         start = msgspec.structs.replace(start, rollover=True)
@@ -144,14 +144,14 @@ def initial_modal(machine: Machine, frame: Frame | None = None) -> ModalState:
 
 
 def with_tables(modal: ModalState, machine: Machine, frame: Frame) -> ModalState:
-    """Return the state with work coordinate systems and tools of ``frame``; all else stays."""
+    """Return the state with the work coordinate systems and tools of ``frame``."""
     start = initial_modal(machine, frame).frame
     if start is None:
         return modal
     before = modal.frame or start
     plane = before.plane
     if plane is not None and before.systems.get(before.system) != frame.systems.get(before.system):
-        # G53.1 has to turn the tool again
+        # another G53.1 is needed
         plane = msgspec.structs.replace(plane, facing=None)
     kept = msgspec.structs.replace(
         before, systems=frame.systems, cutters=frame.cutters, worn=frame.worn, plane=plane
@@ -160,9 +160,10 @@ def with_tables(modal: ModalState, machine: Machine, frame: Frame) -> ModalState
 
 
 def smallest_feed(modal: ModalState) -> float:
-    """Return the least F that is read, as written.
+    """Return the least F that is accepted, as written.
 
-    Under G99 without a canned cycle, F of a few hundredths is one per revolution, in a program for a lathe.
+    Under G99 without a canned cycle, an F of a few hundredths is one per revolution, in a program for a
+    lathe.
     """
     frame = modal.frame
     turning = frame is not None and not frame.to_initial and frame.cycle is None

@@ -26,7 +26,7 @@ from mcserver.units import AxisType
 
 
 def rapid(block: BlockState, command: Command, words: Words, *, wait: bool) -> FeedGroup | RapidGroup | None:
-    """Interpret G00 (waited for) or G1020: each axis goes to its target by itself."""
+    """Interpret G00 (waited for) or G1020: each axis moves to its target independently."""
     targets = resolve_targets(block, words.axes)
     for target in targets:
         start = block.commanded.positions[target.axis.index]
@@ -42,14 +42,14 @@ def rapid(block: BlockState, command: Command, words: Words, *, wait: bool) -> F
         return None
     ends = {target.axis.index: target.end for target in targets}
     if wait:
-        # beside a path, and along directions that no axis has, every way counts
+        # an offset path, and directions not along axes, need a straight line
         straight = block.compensation is not None or block.transformation.directions is not None
         return rapid_group(block.setup, block.modal, starts, ends, straight=straight)
     return RapidGroup(tuple(ends), tuple(ends.values()), wait, block.modal.carried)
 
 
 def follow_paths(block: BlockState, targets: list[Target]) -> bool:
-    """Check that no axis of a coordinated motion goes to points on profiles that its drive makes itself."""
+    """Check that no axis in a coordinated motion has a drive that makes its own profile."""
     profiled = [target for target in targets if target.axis.profiled]
     for target in profiled:
         block.faults.add(
@@ -102,7 +102,7 @@ def line(block: BlockState, command: Command, words: Words) -> FeedMove | None:
 
 
 def arc(block: BlockState, command: Command, words: Words) -> FeedMove | None:
-    """Interpret G02 and G03: a plane's two axes, further ones in proportion to the angle (D-22, D-23)."""
+    """Interpret G02 and G03: a plane's two axes; further axes in proportion to the angle (D-22, D-23)."""
     if block.transformation.unsettled.intersection(PLANES[block.modal.plane or 17]):
         block.faults.add(
             "MC186",
@@ -134,7 +134,7 @@ def _arc(
     plane = find_plane(block, command, words)
     if plane is None or not _plane_axes(block, command, plane, by_axis):
         return None
-    # what is turned takes the plane's third axis along
+    # a rotated plane moves the third axis too
     further = {*(target.axis.index for target in targets), *block.transformation.coupled(frozenset(plane))}
     axes = (*plane, *sorted(further.difference(plane)))
     block.claim(plane, command, _words(targets))
@@ -163,7 +163,7 @@ def _arc_curve(
     starts: Mapping[int, float],
     ends: Mapping[int, float],
 ) -> ArcCurve | TurnedArc | None:
-    """Return the arc between positions of ``axes``, the plane's first [m]; None after a fault."""
+    """Return the arc between positions of ``axes`` [m], the plane's first; None after a fault."""
     plane, zero, directions = (axes[0], axes[1]), block.modal.shift or {}, block.transformation.directions
     begin, finish = (tuple(each[axis] for axis in axes) for each in (starts, ends))
     if directions is None:
@@ -192,7 +192,7 @@ def _arc_curve(
 def _plane_axes(
     block: BlockState, command: Command, plane: tuple[int, int], by_axis: dict[int, Target]
 ) -> bool:
-    """Return True if the plane's axes can be used and are linear; report unnamed ones that are not."""
+    """Return whether the plane's axes are usable and linear; report those without words that are not."""
     named = {item.axis for item in command.items if isinstance(item, Word)}
     usable = True
     for index in plane:
@@ -227,7 +227,7 @@ def _check_arc_travel(
 
 
 def transmit_speed(block: BlockState, command: Command, words: Words) -> SpeedGroup | None:
-    """Interpret G1030: motor RPM become axis speeds (D-26)."""
+    """Interpret G1030: convert motor rpm to axis speeds (D-26)."""
     axes: list[int] = []
     speeds: list[float] = []
     for word, index in _transmitted(block, command, words):

@@ -1,6 +1,6 @@
-"""Lines and arcs of a plane beside their path, and where two of them meet (D-85).
+"""Offset lines and arcs of a plane, and find where two of them intersect (D-85).
 
-Points are (first, second) of the plane, in right-handed order seen from its positive normal [m].
+Points are (first, second) axis of the plane, right-handed as seen from its positive normal [m].
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from mcserver.gcode.semantics.arc_geometry import SMALLEST_RADIUS, Point
 from mcserver.motion.geometry.curves import ArcCurve, LineCurve
 from mcserver.units import TURN
 
-# two places are one where they lie no farther apart [m]
+# points closer than this coincide [m]
 ONE_PLACE = 1e-9
 
 
@@ -22,8 +22,8 @@ class Piece(msgspec.Struct, frozen=True):
     """A line or an arc in the plane.
 
     Attributes:
-        start, end: its ends. angle: of a line's direction [rad], kept where trimming leaves no length.
-        centre, sweep: of an arc, as `ArcCurve` has them; None and 0 for a line.
+        start, end: its ends. angle: direction of a line [rad], kept if trimming leaves no length.
+        centre, sweep: of an arc, as in `ArcCurve`; None and 0 for a line.
     """
 
     start: Point
@@ -39,7 +39,7 @@ class Piece(msgspec.Struct, frozen=True):
         return _angle(self.centre, self.end if at_end else self.start) + math.copysign(TURN / 4.0, self.sweep)
 
     def offset(self, left: float) -> Piece | None:
-        """Return the piece shifted to its left [m]; None where an arc's radius is used up."""
+        """Return the piece offset to its left [m]; None if nothing is left of an arc's radius."""
         if self.centre is None:
             across = (-left * math.sin(self.angle), left * math.cos(self.angle))
             return msgspec.structs.replace(self, start=_sum(self.start, across), end=_sum(self.end, across))
@@ -61,7 +61,7 @@ class Piece(msgspec.Struct, frozen=True):
         )
 
     def trimmed(self, *, start: Point | None = None, end: Point | None = None) -> Piece:
-        """Return the piece with other ends, which lie on its line or circle."""
+        """Return the piece with other ends on its line or circle."""
         begin, finish = start or self.start, end or self.end
         sweep = self.sweep
         if self.centre is not None:
@@ -70,14 +70,14 @@ class Piece(msgspec.Struct, frozen=True):
         return msgspec.structs.replace(self, start=begin, end=finish, sweep=sweep)
 
     def goes_back(self, whole: Piece, begin: Point) -> bool:
-        """Return whether nothing is left of a piece that begins at a place; ``whole``: it, untrimmed."""
+        """Return whether nothing is left of this trimmed piece, from ``begin`` on; ``whole``: untrimmed."""
         if self.centre is not None:
             return self.sweep * whole.sweep < 0.0
         along = (math.cos(self.angle), math.sin(self.angle))
         return (self.end[0] - begin[0]) * along[0] + (self.end[1] - begin[1]) * along[1] < -ONE_PLACE
 
     def passes(self, place: Point) -> float:
-        """Return how far a place lies from the line or circle [m]."""
+        """Return a point's distance from the line or circle [m]."""
         if self.centre is not None:
             return abs(math.dist(place, self.centre) - math.dist(self.start, self.centre))
         away = (place[0] - self.start[0], place[1] - self.start[1])
@@ -85,21 +85,21 @@ class Piece(msgspec.Struct, frozen=True):
 
 
 def piece_of(curve: LineCurve | ArcCurve, start: Point, end: Point) -> Piece:
-    """Return a curve's path in the plane from its ends there [m]."""
+    """Return a curve's path in the plane between given ends [m]."""
     if isinstance(curve, ArcCurve):
         return Piece(start, end, centre=curve.centre, sweep=curve.sweep)
     return Piece(start, end, _angle(start, end))
 
 
 def turn_between(before: Piece, after: Piece) -> float:
-    """Return the angle by which the direction turns from a piece to the next [rad], left is positive."""
+    """Return the angle between the directions of two consecutive pieces [rad]; left is positive."""
     return _turn(before.heading(at_end=True), after.heading(at_end=False))
 
 
 def meet(before: Piece, after: Piece, corner: Point) -> Point | None:
-    """Return where the lines or circles of two pieces beside a corner cross; None: nowhere.
+    """Return the intersection of the lines or circles of two offset pieces; None without one.
 
-    Of two such places the one on the corner's side, from which it moves as the distance to the path grows.
+    Of two intersections the one near the corner, which moves away from it as the offset grows.
     """
     found = _crossings(before, after)
     if before.centre is not None and after.centre is not None:
@@ -173,7 +173,7 @@ def _angle(start: Point, end: Point) -> float:
 
 
 def _turn(start: float, end: float) -> float:
-    """Return the angle from one direction to another, the shorter way [rad]."""
+    """Return the smaller angle from one direction to another [rad]."""
     return math.remainder(end - start, TURN)
 
 

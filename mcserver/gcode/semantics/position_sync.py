@@ -12,17 +12,17 @@ from mcserver.gcode.text.parser import ParsedLine
 from mcserver.gcode.text.syntax import Command, Setting
 from mcserver.gcode.text.words import INCREMENTAL_LETTERS, Word
 
-# codes that go by where X, Y and Z are: G10 and G92 in a system that is turned, where X and Y read what
-# follows from both; G68, which without words turns about where the axes are; cycles and curves
+# codes that depend on the positions of X, Y and Z: G10 and G92 in a rotated system, where X and Y depend on
+# both; G68, which without words rotates about the axes' position; cycles and curves
 _FROM_XYZ = frozenset({"G10", "G92", "G68", "REPEAT"}) | DRILLING | SPLINES | THREADING
 
 
 def find_axes_to_sync(
     parsed: ParsedLine, setup: Setup, modal: ModalState, commanded: CommandedState
 ) -> frozenset[int]:
-    """Return the axes of the line whose start, or base of increments, is not known.
+    """Return the axes of the line whose path start, or base of increments, is unknown.
 
-    An arc counts all of X Y Z: its plane is chosen later, and a superfluous axis costs only the wait.
+    For an arc all of X Y Z count: its plane is chosen later, and an axis too many costs only the wait.
     """
     unsynced = commanded.unsynced
     needed: set[int] = set()
@@ -43,11 +43,11 @@ def find_axes_to_sync(
             )
             if not acts:
                 continue
-            # a straight rapid starts where its axes are, as G01 does
+            # a straight rapid starts at the axes' positions, as G01 does
             rapid = motion == 0 and not setup.machine.dialect.straight_rapids
             if tool is not None:
                 chain = setup.chains.get(tool, ())
-                # a rapid is solved from the commanded joints: where they were stopped does not matter
+                # a rapid is solved from the commanded joints, whatever stopped them
                 needed |= {axis for axis in chain if axis in unsynced and (unsynced[axis] or not rapid)}
             elif rapid:
                 needed |= {axis for axis in _increments(command, incremental) if unsynced.get(axis)}
@@ -58,32 +58,32 @@ def find_axes_to_sync(
                 needed |= {axis for axis in named if axis in unsynced}
     led = modal.frame is not None and modal.frame.tip_tool is not None
     if modal.frame is not None and modal.frame.plane is not None and parsed.groups:
-        # the tool has to stand on the tilted plane still
+        # the tool has to be still square to the tilted plane
         facing = modal.frame.plane.facing
         needed |= set() if facing is None else set(facing.turns)
     actions = () if parsed.profile is None else parsed.profile.actions
     codes = {action.code for action in actions}
     if led or codes & (TIP_CONTROL | {"G53.1"}):
-        # the tip's place follows from all axes of its tool
+        # the tip's position depends on all axes of its tool
         needed |= {axis for chain in setup.chains.values() for axis in chain}
-    # what the encoder reads decides offsets and where G28 goes from
+    # the encoder determines offsets, and where G28 starts
     needed |= {word.axis for action in actions for word in action.axes}
     spindle = setup.machine.dialect.spindle
     if codes & {"G28", "G29", "G30"}:
-        # the spindle goes nowhere with them, and turns on
+        # the spindle has no target in them, and continues to turn
         needed |= set(unsynced) - {spindle}
     if codes & _FROM_XYZ:
         needed |= {0, 1, 2}
     if codes & {"RETRACT", "RECOVER"}:
         needed |= {setup.machine.dialect.letters["E"], LENGTH_AXIS}
     if spindle is not None and "M19" in codes:
-        # it is brought to rest, and turns to the angle from there
+        # it is stopped, and turns to the angle from there
         needed.add(spindle)
     if parsed.groups and modal.frame is not None and modal.frame.cycle is not None and motion is None:
-        # a canned cycle starts from the height of its axis
+        # a canned cycle starts at its axis's height
         needed |= {0, 1, 2}
     if modal.transformation is not None:
-        # one axis takes the other along
+        # a rotation couples axes
         words = (item for group in parsed.groups for command in group for item in command.items)
         needed |= modal.transformation.coupled(
             frozenset(each.axis for each in words if isinstance(each, Word))

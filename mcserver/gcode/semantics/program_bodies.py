@@ -1,7 +1,7 @@
-"""Bodies that a program brings: work pieces and fixtures in its comments (D-131).
+"""Read bodies that a program adds: work pieces and fixtures in its comments (D-131).
 
-``(BODY, name, shape, sizes, place)``, and behind that ``turned A B C``, ``work``, ``on BODY`` and
-``touches BODY``, in any order and parted by commas.
+``(BODY, name, shape, sizes, place)``, followed by ``turned A B C``, ``work``, ``on BODY`` and ``touches
+BODY`` in any order, separated by commas.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from mcserver.machine.clearance_section import (
 from mcserver.machine.section_reader import did_you_mean
 from mcserver.units import MM
 
-# The shapes, with what their sizes are [mm].
+# Sizes of each shape [mm].
 _SIZES = {
     "box": ("X", "Y", "Z"),
     "cylinder": ("radius", "length"),
@@ -44,7 +44,7 @@ _WRITTEN = "write (BODY, vise, box, 100 60 40, 150 0 20): name, shape, sizes and
 
 
 class _Field(NamedTuple):
-    """What stands between two commas, and its columns."""
+    """Text between two commas, and its columns."""
 
     text: str
     span: Span
@@ -59,7 +59,7 @@ class _Faulty(Exception):
 
 
 def read_bodies(block: BlockState) -> None:
-    """Add the bodies that a line brings to the modal state, or report why it cannot (MC204 to MC207)."""
+    """Add a line's bodies to the modal state, or report their faults (MC204 to MC207)."""
     for found in bodies_in(block.parsed.text):
         whole = (found.start() + 1, found.end() + 1)
         try:
@@ -79,7 +79,7 @@ def read_bodies(block: BlockState) -> None:
 def _add(given: GivenBody, whole: Span, block: BlockState) -> None:
     known = block.modal.bodies
     if given in known:
-        # a line in a loop, or in a subprogram
+        # the line is repeated by a loop or subprogram
         return
     if any(each.body.name == given.body.name for each in known):
         message = f"{given.body.name!r} stands already, and is another one"
@@ -91,7 +91,7 @@ def _add(given: GivenBody, whole: Span, block: BlockState) -> None:
 
 
 def _fields(content: str, at: int) -> list[_Field]:
-    """Part what follows ``BODY`` at its commas; ``at``: the index of its first character in the line."""
+    """Split the text after ``BODY`` at its commas; ``at``: the index of its first character in the line."""
     found = []
     for part in content.split(","):
         text = part.strip(" \t")
@@ -171,7 +171,7 @@ def _place(field: _Field, what: str) -> Place:
 
 
 def _in_work_system(at: Place, span: Span, block: BlockState, clearance: Clearance) -> Place:
-    """Return a place of the work system in force, with G92 and G52, in the base's frame [mm]."""
+    """Convert a place in the work system in force, with G92 and G52, to the base's frame [mm]."""
     frame: Frame | None = block.modal.frame
     if frame is None or block.setup.machine.urdf is not None:
         message = "this machine's bodies stand in the frame of its base alone"
@@ -179,7 +179,7 @@ def _in_work_system(at: Place, span: Span, block: BlockState, clearance: Clearan
     if frame.plane is not None or block.modal.transformation is not None:
         message = "the work system is turned, scaled or tilted"
         raise _Faulty("MC204", message, span, "leave out work, and give the place in the base's frame")
-    # the length of a tool is no part of where the work piece is
+    # a tool's length does not shift the work piece
     shift = msgspec.structs.replace(frame, tool_length=0.0).shift() or {}
     moved = list(at)
     for axis, direction in clearance.letters.items():
@@ -188,7 +188,7 @@ def _in_work_system(at: Place, span: Span, block: BlockState, clearance: Clearan
 
 
 def _carrier(name: str, span: Span, clearance: Clearance) -> dict[str, Any]:
-    """Return what carries a body that is fixed on one of the machine file."""
+    """Return the carrier of a body that is fixed on one of the machine file."""
     known = {each.name: each for each in clearance.bodies}
     if name not in known:
         hint = did_you_mean(name, tuple(known), "name a [[body]] of the machine file")
@@ -205,7 +205,7 @@ def _carrier(name: str, span: Span, clearance: Clearance) -> dict[str, Any]:
 def _touched(name: str, span: Span, block: BlockState, clearance: Clearance) -> str:
     """Return the name of a body that may touch this one."""
     known = [*(each.name for each in clearance.bodies), *(each.body.name for each in block.modal.bodies)]
-    # links of a URDF are known where the bodies are built
+    # links of a URDF are only known when the bodies are built
     if not name or (name not in known and block.setup.machine.urdf is None):
         hint = did_you_mean(name, known, "name a [[body]] of the machine file, or one that stands already")
         raise _Faulty("MC204", f"there is no body {name!r} to touch", span, hint)

@@ -1,4 +1,4 @@
-"""Where axis words lead: zero, increments, and turned, scaled and polar coordinates (D-62, D-94 to D-96)."""
+"""Compute ends of axis words: zero, increments, rotation, scaling, polar coordinates (D-62, D-94 to D-96)."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from mcserver.gcode.text.profile_words import Action, ProfileWord
 from mcserver.gcode.text.words import INCREMENTAL_LETTERS, Word
 from mcserver.machine.sections import Rollover
 
-# what turning there and back leaves of an axis that stands [m]
+# rounding error of an axis that stays, after rotating there and back [m]
 _SAME_PLACE = 1e-12
-# nearer to the origin than this there is no angle [m]
+# distance from the origin below which a point has no angle [m]
 _ORIGIN = 1e-9
 
 
 class WordValue(NamedTuple):
-    """The number of an axis word, with the units and the distance mode that it is read in."""
+    """The number of an axis word, with its units and distance mode."""
 
     value: float
     inch: bool
@@ -31,7 +31,7 @@ class WordValue(NamedTuple):
 
 
 def given_by(block: BlockState, words: Mapping[int, ProfileWord]) -> dict[int, WordValue]:
-    """Return words of an action by axis, read in the modes in force."""
+    """Return an action's words by axis, with the modes in force."""
     modal = block.modal
     return {
         axis: WordValue(word.value, modal.inch, modal.incremental or word.letter in INCREMENTAL_LETTERS)
@@ -40,24 +40,24 @@ def given_by(block: BlockState, words: Mapping[int, ProfileWord]) -> dict[int, W
 
 
 def absolute_end(block: BlockState, axis: int, written: float) -> float:
-    """Return where an absolute word takes an axis, by the zero in force [m or rad]."""
+    """Return the end of an axis by an absolute word, in the zero in force [m or rad]."""
     shift, rollover = block.modal.shift, _rollover(block, axis)
     if rollover is None:
-        # -0 stays what it is
+        # keep -0
         return written if shift is None else written + shift.get(axis, 0.0)
     zero = 0.0 if shift is None else shift.get(axis, 0.0)
     return rolled_over(rollover, written, zero, block.commanded.positions[axis])
 
 
 def stored_end(block: BlockState, axis: int, stored: float) -> float:
-    """Return where a stored position of the machine takes an axis: no whole turns are undone [m or rad]."""
+    """Return the end of an axis at a stored machine position; whole turns are not undone [m or rad]."""
     if _rollover(block, axis) is not None:
         return rolled_over("shortest", stored, 0.0, block.commanded.positions[axis])
     return stored
 
 
 def axis_values(block: BlockState, action: Action) -> dict[int, float]:
-    """Return an action's axis words by axis [m or rad]; a faulty one is reported and left out."""
+    """Return an action's axis words by axis [m or rad], without faulty ones, which are reported."""
     found: dict[int, float] = {}
     for word in action.axes:
         axis = block.setup.axes.get(word.axis)
@@ -79,9 +79,9 @@ def _rollover(block: BlockState, axis: int) -> Rollover | None:
 def ends_of(
     block: BlockState, given: Mapping[int, WordValue], source: Word | Action
 ) -> dict[int, float] | None:
-    """Return where the words of a move take axes [m or rad], those that it turns along behind the named ones.
+    """Return the ends of a move's words [m or rad]: named axes first, then those moved by a rotation.
 
-    Reports MC186 and MC188, and returns None then. Behind it the ends count as programmed ones.
+    None after MC186 or MC188; the axes then count as at their programmed ends.
     """
     modal, at = block.modal, block.commanded.positions
     found, shift = modal.transformation, modal.shift
@@ -126,7 +126,7 @@ def ends_of(
 def _settled(
     block: BlockState, found: Transformation, given: Mapping[int, WordValue], source: Word | Action
 ) -> Transformation | None:
-    """Return the transformation behind the words; None where controllers would go to different places."""
+    """Return the transformation after the words; None after a fault: controllers would differ in the end."""
     needed = found.coupled(frozenset(given))
     absolute = {axis for axis, each in given.items() if not each.incremental}
     open_axes = needed & found.unsettled - absolute
@@ -146,7 +146,7 @@ def _settled(
 def _polar(
     block: BlockState, found: Transformation, words: Mapping[int, WordValue], source: Word | Action
 ) -> dict[int, float] | None:
-    """Return the coordinates of radius and angle [m], and keep both for words that leave one out."""
+    """Return the coordinates of radius and angle [m], which are stored for words that omit one."""
     polar = found.polar
     assert polar is not None
     first, second = polar.plane
@@ -177,7 +177,7 @@ def _polar(
         word = words[second]
         degrees = word.value + (degrees or 0.0 if word.incremental else 0.0)
     if radius is None or degrees is None:
-        # both were missing, and a fault of a line before has settled them
+        # both were missing, and are set after the fault of an earlier line
         return None
     kept = msgspec.structs.replace(polar, radius=radius, degrees=degrees)
     block.transformation = msgspec.structs.replace(block.transformation, polar=kept)

@@ -11,12 +11,12 @@ Number = TypeVar("Number", float, Array)  # one value, or a column of them
 
 
 def length_scale(inch: bool) -> float:
-    """Return the metres in one program unit of length."""
+    """Return the length of one program unit [m]."""
     return INCH if inch else MM
 
 
 def axis_scale(axis_type: AxisType, inch: bool) -> float:
-    """Return the metres or radians in one program unit; rotary axes are in degrees under G20 too (D-13)."""
+    """Return one program unit of an axis [m or rad]; rotary axes are in degrees under G20 too (D-13)."""
     return length_scale(inch) if axis_type is AxisType.LINEAR else DEGREE
 
 
@@ -36,12 +36,12 @@ def move_duration(number: Number) -> Number:
 
 
 def motor_speed(rpm: float, travel_per_turn: float) -> float:
-    """Convert motor RPM and travel per motor turn [m or rad] to the axis's speed [m/s or rad/s]."""
+    """Convert motor rpm and travel per motor turn [m or rad] to the axis's speed [m/s or rad/s]."""
     return rpm * travel_per_turn / MINUTE
 
 
 def motor_rpm(speed: float, travel_per_turn: float) -> float:
-    """Convert an axis's speed [m/s or rad/s] to RPM of its motor."""
+    """Convert an axis's speed [m/s or rad/s] to motor rpm."""
     return speed * MINUTE / travel_per_turn
 
 

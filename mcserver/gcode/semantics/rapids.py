@@ -1,4 +1,4 @@
-"""Rapid moves of directly named axes: every axis by itself, or all on one straight line (D-20, D-61)."""
+"""Rapid moves of directly named axes: each axis independently, or all on a straight line (D-20, D-61)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from mcserver.gcode.semantics.modal import ModalState
 from mcserver.motion.canonical import FeedGroup, RapidGroup
 from mcserver.motion.geometry.curves import Curve, LineCurve
 
-# no time is asked for: reports have null
+# a rapid has no requested time, which reports show as null
 NO_TIME = math.inf
 
 
@@ -22,13 +22,13 @@ def rapid_group(
     *,
     straight: bool = False,
 ) -> FeedGroup | RapidGroup:
-    """Return G00 from ``starts`` to ``targets`` [m or rad], as the machine file has it.
+    """Return G00 from ``starts`` to ``targets`` [m or rad], as the machine file configures rapids.
 
-    A straight rapid is as fast as its slowest axis allows, and none is above its own max_velocity. One axis
-    alone, and axes whose drives make profiles of their own, go by themselves.
+    A straight rapid is as fast as its slowest axis allows. Single axes, and axes whose drives make their own
+    profiles, move independently.
 
     Args:
-        straight: a single axis on a straight line, too, whatever the machine file says.
+        straight: a straight line whatever the machine file says, for a single axis too.
     """
     axes = tuple(targets)
     ends = tuple(targets.values())
@@ -43,7 +43,7 @@ def rapid_group(
 
 
 def straight_speed(setup: Setup, curve: Curve) -> float:
-    """Return the greatest speed along a line, or about an arc, that none of its axes is too slow for."""
+    """Return the greatest speed along a line, or an arc, that all its axes allow."""
     most = [setup.axes[axis].max_velocity for axis in curve.axes]
     if not isinstance(curve, LineCurve):
         return min(most)

@@ -1,7 +1,8 @@
 """Interpret moves under tool centre point control: X Y Z are the tip's place on the work piece (D-86, D-140).
 
-X Y Z are coordinates of the work piece's frame, which turns with its rotary axes. They read as the axes X Y Z
-do under G43 where the rotary axes stand at the program's zero. Where the rotary axes go is in their own words
+X Y Z are coordinates in the work piece's frame, which turns with its rotary axes. With the rotary axes at the
+program's zero they are those of the axes X Y Z under G43. The rotary axes follow their own words under G43.4;
+under G43.5 I J K give the tool's direction in the same frame.
 under G43.4, and in I J K under G43.5, the tool's direction in the same frame.
 """
 
@@ -34,23 +35,23 @@ from mcserver.motion.canonical import FeedGroup, RapidGroup
 from mcserver.motion.geometry.curves import SampledCurve, TipLine
 from mcserver.units import MM, AxisType
 
-# How far the tip may be beside its line while all joints go evenly: shares of the tool's own tolerance and of
-# the path tolerance. By what share rates may be more beside and between the places where they are looked at.
+# Limits of a line on which all joints move evenly. The tip's deviation, as shares of the tool's own tolerance
+# and of the path tolerance; the excess of rates, beside and between the places where they are sampled.
 OWN_SHARE, BEND_SHARE = 0.8, 0.2
 LEVER_CHANGE, FASTER_BETWEEN = 1.02, 1.0005
-# a vector that is shorter is none [1]
+# shorter vectors have no direction [1]
 NO_DIRECTION = 1e-9
 # axes X, Y and Z
 _COORDINATES = (0, 1, 2)
-# what reads or sets places of axes, not of the tip
+# codes that read or set positions of axes, not of the tip
 _REFUSED = TAKES_AXES | COMPENSATING.keys() | {"M6", "G16", "G92.1", "G92.2", "G92.3"}
 
 
 class TipFrame(msgspec.Struct, frozen=True):
-    """The coordinates that X Y Z are as the tip is led: it is at base + across·(x, y, z) on the work piece.
+    """Coordinates of X Y Z under tip control: the tip is at base + across·(x, y, z) on the work piece.
 
     Attributes:
-        control: leads the tip. across: shape (3, 3), base: shape (3,) [m].
+        control: of the tip. across: shape (3, 3), base: shape (3,) [m].
         columns: of the axes X Y Z in the chain.
     """
 
@@ -65,12 +66,12 @@ class TipFrame(msgspec.Struct, frozen=True):
         return tuple(self.control.tool.chain.axes[column] for column in self.control.turning)
 
     def coordinates(self, joints: Array) -> Triple:
-        """Return where the tip is [m], with the chain's joints (K,), in coordinates of the axes."""
+        """Return the tip's position at joints (K,) of the chain, in coordinates of the axes [m]."""
         x, y, z = (self.control.tip(joints[None])[0] - self.base) @ self.across
         return float(x), float(y), float(z)
 
     def points(self, coordinates: Array) -> Array:
-        """Return places on the work piece of coordinates (n, 3) [m]."""
+        """Return the places on the work piece at coordinates (n, 3) [m]."""
         return np.asarray(self.base + coordinates @ self.across.T)
 
 
@@ -78,11 +79,11 @@ def tip_frame(setup: Setup, frame: Frame, *, turns: Array | None = None) -> TipF
     """Return the coordinates of a frame with G43.4 or G43.5 in force.
 
     Args:
-        turns: positions of the rotary axes at which they are those of the axes, shape (T,) [rad]; None: the
-            program's zero.
+        turns: positions of the rotary axes at which these are coordinates of the axes, shape (T,) [rad];
+            None: the program's zero.
 
     Raises:
-        KinematicsError: the tool cannot be led by its tip.
+        KinematicsError: the tool does not allow tip control.
     """
     assert setup.kinematics is not None
     assert frame.tip_tool is not None
@@ -99,13 +100,13 @@ def tip_frame(setup: Setup, frame: Frame, *, turns: Array | None = None) -> TipF
 
 
 def tip_coordinates(setup: Setup, frame: Frame, positions: Mapping[int, float]) -> Triple:
-    """Return the tip's coordinates [m] where the axes stand at ``positions`` [m or rad]."""
+    """Return the tip's coordinates at axis positions [m or rad], in [m]."""
     found = tip_frame(setup, frame)
     return found.coordinates(np.array([positions[axis] for axis in found.control.tool.chain.axes]))
 
 
 def lead_by_tip(block: BlockState, action: Action) -> None:
-    """Begin tool centre point control, with the machine's tool that the axes X Y Z and rotary ones move."""
+    """Begin tool centre point control of the machine's tool that X Y Z and rotary axes move."""
     reason = ""
     if block.modal.tool is not None:
         reason = f"T{block.modal.tool} is in force"
@@ -160,7 +161,7 @@ def _leads(setup: Setup, chain: tuple[int, ...]) -> bool:
 
 
 def refuse_beside_tip(block: BlockState, profile: ProfileWords) -> None:
-    """Report what does not go together with tool centre point control (MC172)."""
+    """Report what conflicts with tool centre point control (MC172)."""
     code = next((each.code for each in profile.actions if each.code in _REFUSED), "")
     what = "G53" if profile.machine_frame else code
     turned = block.transformation.axes or block.transformation.tilted
@@ -174,7 +175,7 @@ def refuse_beside_tip(block: BlockState, profile: ProfileWords) -> None:
             "write it behind G49",
         )
     if what in COMPENSATING:
-        # later lines are not to be blamed for it
+        # no further faults of later lines
         block.compensation = None
 
 
@@ -192,7 +193,7 @@ class _Way(msgspec.Struct, frozen=True):
 
     @property
     def only_turns(self) -> bool:
-        """Whether rotary axes turn about a tip that stands on the work piece."""
+        """Whether only rotary axes move, about a tip that stays on the work piece."""
         return self.travel <= NO_TRAVEL and self.turn > 0.0
 
     @property
@@ -202,7 +203,7 @@ class _Way(msgspec.Struct, frozen=True):
 
 
 def tip_rapid(block: BlockState, command: Command, words: Words) -> FeedGroup | RapidGroup | None:
-    """Interpret G00: the tip goes straight on the work piece, as fast as the slowest axis allows."""
+    """Interpret G00: a straight line of the tip on the work piece, as fast as the slowest axis allows."""
     try:
         way = _way(block, command, words, 0)
         curve = None if way is None else _curve(way)
@@ -221,9 +222,9 @@ def tip_rapid(block: BlockState, command: Command, words: Words) -> FeedGroup | 
 
 
 def tip_feed_move(block: BlockState, command: Command, words: Words, number: int) -> FeedMove | None:
-    """Interpret G01, G02 or G03: the tip goes on a line or an arc on the work piece, F is its speed there.
+    """Interpret G01, G02 or G03: a line or an arc of the tip on the work piece; F is its speed there.
 
-    A line on which all joints may go evenly is one for the planner too, so that chords become curves.
+    A line on which all joints may move evenly is a line for the planner too, so that chords can be smoothed.
     """
     try:
         way = _way(block, command, words, number)
@@ -246,11 +247,11 @@ def _way(block: BlockState, command: Command, words: Words, number: int) -> _Way
     """Read a move; None after a fault, or from a guessed position.
 
     Raises:
-        KinematicsError: the tool cannot be led by its tip.
+        KinematicsError: the tool does not allow tip control.
     """
     pointing: Mapping[int, ModalWord] = {}
     if block.frame.by_direction:
-        # so an arc has its centre by R
+        # an arc then needs R for its centre
         words, pointing = msgspec.structs.replace(words, offsets={}), words.offsets
     plane = find_plane(block, command, words) if number > 1 else None
     frame = tip_frame(block.setup, block.frame)
@@ -269,7 +270,7 @@ def _way(block: BlockState, command: Command, words: Words, number: int) -> _Way
     if not block.commanded.guessed.isdisjoint(axes):
         return None
     first = frame.coordinates(start) if block.commanded.starts else place
-    # an arc's endpoint word left out stays where the path starts (D-22)
+    # an arc's omitted endpoint word stays at the path's start (D-22)
     stays = first if number > 1 else place
     x, y, z = (targets.get(index, stays[index]) for index in _COORDINATES)
     turns = np.array([targets.get(axis, turn) for axis, turn in zip(frame.turning, turned, strict=True)])
@@ -288,9 +289,9 @@ def _curve(way: _Way) -> SampledCurve:
 
 
 def _line(block: BlockState, way: _Way) -> TipLine | None:
-    """Return the line of the joints that keeps the tip near enough to its own; None where none does.
+    """Return a straight line of the joints that keeps the tip within tolerance; None if there is none.
 
-    Between lines the tolerance is measured at the joints, so much of it as surely keeps that at the tip.
+    Corner tolerances are measured at the joints, as a share that surely keeps the tolerance at the tip.
     """
     tool = way.control.tool
     tolerance = block.path_tolerance
@@ -315,10 +316,10 @@ def _arrive(block: BlockState, axes: tuple[int, ...], joints: Array) -> tuple[fl
 def _targets(
     block: BlockState, words: Words, frame: TipFrame, base: Array, place: Triple
 ) -> dict[int, float] | None:
-    """Return the ends that words give: of the tip by X Y Z, of rotary axes [m or rad]; None after a fault.
+    """Return the ends that words give, of the tip in X Y Z and of rotary axes [m or rad]; None after a fault.
 
     Args:
-        base, place: what increments count from: the commanded joints, shape (K,), the tip's coordinates [m].
+        base, place: base of increments: the commanded joints, shape (K,), and the tip's coordinates [m].
     """
     chain = frame.control.tool.chain
     found: dict[int, float] = {}
@@ -363,13 +364,13 @@ def _targets(
 
 
 def _turned(block: BlockState, frame: TipFrame, given: Mapping[int, ModalWord], near: Array) -> Array | None:
-    """Return where I J K turn the rotary axes, shape (T,) [rad]; None after a fault (MC176).
+    """Return the rotary axes' positions for I J K, shape (T,) [rad]; None after a fault (MC176).
 
-    They are the tool's direction at the end of the move, along X Y Z of the work piece's frame and of any
-    length; one that is left out is 0 (Fanuc).
+    I J K are the tool's direction at the end of the move, along X Y Z of the work piece's frame, of any
+    length; omitted ones are 0 (Fanuc).
 
     Args:
-        near: where the rotary axes are, shape (T,) [rad].
+        near: present positions of the rotary axes, shape (T,) [rad].
     """
     words = [given[index].word for index in sorted(given)]
     values = np.array([given[index].word.value if index in given else 0.0 for index in _COORDINATES])

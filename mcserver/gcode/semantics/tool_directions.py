@@ -1,4 +1,4 @@
-"""Positions of two rotary axes at which the tool points in a direction (D-111, D-140)."""
+"""Find positions of two rotary axes at which the tool points in a direction (D-111, D-140)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mckinematics.tool_direction import turns_towards
 
 from mcserver.units import DEGREE, TURN
 
-# ways that differ by less are equally far, and a position is beyond a limit by more [rad]
+# distances closer than this are equal; a position farther than this beyond a limit is refused [rad]
 _EQUAL = 1e-9
 _HINT = "clamp the work piece otherwise, or mill it from another side"
 
@@ -22,20 +22,20 @@ Pair = tuple[float, float]
 
 
 def turns_along(control: TipControl, direction: Array, near: Array) -> Array:
-    """Return the positions of the rotary axes that Fanuc's controllers choose, of those within the travel.
+    """Return the positions of the rotary axes that Fanuc's controllers choose, within the travel.
 
-    The least way counts, of the axis that carries the other first, and of the table ahead of the head; then
-    how near to whole turns they are, in the same order; then the one turned further.
+    They minimize the distance, first of the axis that carries the other, and of the table before the head;
+    then the distance to whole turns, in the same order; of equal ones, the larger angle.
 
     Args:
-        direction: shape (3,), where the tool's Z is to point, in the chain's base; of any length.
-        near: shape (2,), where the axes are [rad].
+        direction: shape (3,), of the tool's Z in the chain's base; of any length.
+        near: shape (2,), present positions of the axes [rad].
 
     Returns:
         Shape (2,), in the chain's order [rad].
 
     Raises:
-        KinematicsError: there is none, or the tool has not two rotary axes that are askew.
+        KinematicsError: there are none, or the tool does not have two rotary axes that are not parallel.
     """
     chain = control.tool.chain
     pairs = turns_towards(chain, direction / np.linalg.norm(direction), near)
@@ -63,7 +63,7 @@ def turns_along(control: TipControl, direction: Array, near: Array) -> Array:
 
 
 def _beyond(chain: Chain, turning: Sequence[int], pairs: Sequence[Pair]) -> JointLimit:
-    """Return the refusal of positions none of which is within the travel, naming the axes."""
+    """Return the refusal of positions that are all beyond the travel, naming the axes."""
     places: dict[str, int] = {}
     for pair in pairs:
         for column, turn in zip(turning, pair, strict=True):

@@ -9,14 +9,14 @@ from mckinematics.pose import Kinematics, Pose, Triple
 
 from mcserver.gcode.semantics.commanded_state import CommandedState
 
-GIMBAL = 1e-6  # cosine of the middle angle below which the outer two turn about one axis
+GIMBAL = 1e-6  # cosine of the middle angle below which the outer two axes coincide
 
 
 def commanded_pose(kinematics: Kinematics, tool: int, euler: str, commanded: CommandedState) -> Pose:
-    """Return the tool's last commanded pose; after a move of its joints without it, the pose by FK.
+    """Return the tool's last commanded pose, or FK if its joints were moved directly since.
 
     Raises:
-        KinematicsError: the model cannot give it.
+        KinematicsError: the model has no such pose.
     """
     kept = commanded.poses.get(tool)
     if kept is not None and tool not in commanded.stale:
@@ -30,10 +30,10 @@ def commanded_pose(kinematics: Kinematics, tool: int, euler: str, commanded: Com
 
 
 def keep_c(angles: Triple, c: float, euler: str) -> Triple:
-    """Keep C in the same orientation if the Euler angles leave it open (B = ±90°, D-51).
+    """Keep C in the same orientation if the Euler angles do not determine it (B = ±90°, D-51).
 
-    With the middle factor at ±90° the outer factors turn about one axis: R = R1(a)·R2(±90°)·R3(b) depends
-    on a ± b alone. The sign is that of the order's permutation times that of the middle angle.
+    With the middle factor at ±90° the outer factors turn about one axis: R = R1(a)·R2(±90°)·R3(b) depends on
+    a ± b alone. The sign is that of the order's permutation times that of the middle angle.
 
     Args:
         angles: A, B, C about X, Y, Z [rad].

@@ -13,9 +13,9 @@ ROUNDING = 1e-9  # m or rad: a converted unit may miss its limit in the last bit
 
 
 def travel_of(block: BlockState, axis: Axis) -> tuple[float, float]:
-    """Return from where to where programs may move an axis now [m or rad].
+    """Return the range to which programs may now move an axis [m or rad].
 
-    One that follows another axis besides (D-142) may be moved on by all of its window.
+    For an axis with superimposed motion (D-142) the whole window of that motion is kept free.
     """
     low, high = axis.min_position, axis.max_position
     besides = block.superimposed(axis.index)
@@ -35,10 +35,10 @@ def check_travel(
 ) -> None:
     """Report a curve that leaves the axis's travel.
 
-    An axis that is outside already (moved by hand) may be moved back in.
+    An axis outside its travel (moved by hand) may move back in.
 
     Args:
-        start, end: of the curve. low, high: least and greatest position on it [m or rad].
+        start, end: of the curve. low, high: smallest and largest position on it [m or rad].
     """
     lowest, highest = travel_of(block, axis)
     least, greatest = lowest - ROUNDING, highest + ROUNDING

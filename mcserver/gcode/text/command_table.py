@@ -12,7 +12,7 @@ from mcserver.motion.canonical import AxisOperation
 
 
 class Kind(enum.Enum):
-    """The part that a code plays in the grammar."""
+    """A code's role in the grammar."""
 
     MOVE = "move"  # G00-G03: axis words or a tool's pose
     DIRECT = "direct"  # G1020, G1030, G1040: axis words, never a tool
@@ -20,7 +20,7 @@ class Kind(enum.Enum):
     AXIS = "axis"  # G1000-G1011, G1060, G1061
     SETTING = "setting"  # acts where it stands, moves nothing
     PROGRAM = "program"  # M00, M01, M02, M30
-    UNKNOWN = "unknown"  # stands in for a code that was refused, so that its words raise no further faults
+    UNKNOWN = "unknown"  # replaces a refused code, so that its words raise no further faults
 
 
 class CommandSpec(msgspec.Struct, frozen=True):
@@ -186,7 +186,7 @@ COMMANDS: tuple[CommandSpec, ...] = (
     CommandSpec("M30", "end of program", Kind.PROGRAM, rules=("D-05", "D-10"), example="M30"),
 )
 
-# keyed by letter and by the number's text without leading zeros: no conversion of endless digit strings
+# by letter and number text without leading zeros: endless digit strings are not converted
 BY_TEXT: Mapping[tuple[str, str], CommandSpec] = MappingProxyType(
     {(spec.letter, str(spec.number)): spec for spec in COMMANDS}
 )

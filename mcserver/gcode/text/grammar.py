@@ -1,4 +1,4 @@
-"""Assign words to commands (D-01a) and check what may stand together (D-01, D-02, D-24, D-31, D-40)."""
+"""Assign words to commands (D-01a) and check their combinations (D-01, D-02, D-24, D-31, D-40)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SpanOf = Callable[..., Span]
 _LED: Final = frozenset((Kind.MOVE, Kind.DIRECT))
 _ACTING: Final = frozenset((Kind.MOVE, Kind.DIRECT, Kind.DWELL))
 _FEED_CODES: Final = frozenset((1, 2, 3))
-# letters that words without a code may have: F and T stand alone; the rest only with axis words (D-03)
+# letters allowed without a code: F and T alone; the rest only with axis words (D-03)
 _LOOSE: Final = frozenset("FT")
 _OFFSETS: Final = "IJK"
 _LOOSE_MOVE: Final = frozenset("FTIJKRP")
@@ -51,9 +51,9 @@ def group_commands(
 
     Args:
         groups: words of each group, in reading order.
-        span: gives the columns of a token, or from one token to another.
-        offsets_move: I J K without a code repeat a motion as axis words do, and what they are to G00 and G01
-            depends on the state: the profiles (D-61, D-140).
+        span: returns the columns of a token, or from one token to another.
+        offsets_move: in the profiles I J K without a code repeat a motion as axis words do, and their meaning
+            for G00 and G01 depends on the state (D-61, D-140).
     """
     moving = _OFFSETS if offsets_move else ""
     found = tuple(_group(words, faults, span, moving) for words in groups if words)
@@ -104,14 +104,14 @@ def _lookup(word: Word, faults: FaultList, span: SpanOf) -> CommandSpec:
 
 
 def _absorbs_setting(command: _OpenCommand) -> bool:
-    """Return True if a modal code at this point is part of the command, False if it ends it (D-01a)."""
+    """Return whether a modal code here is part of the command, and does not end it (D-01a)."""
     if command.moves:
         return False
     return command.spec is None or command.spec.kind in _LED
 
 
 def _give_to_g64(command: _OpenCommand, word: Word) -> bool:
-    """Take P as the tolerance of G64: directly behind it, or anywhere behind it without a motion code."""
+    """Assign P as the tolerance of G64: directly after it, or anywhere after it without a motion code."""
     place = command.setting
     if place < 0 or command.moves or (command.spec is not None and place != len(command.items) - 1):
         return False
@@ -177,7 +177,7 @@ def _is_axis(word: Word) -> bool:
 
 
 def _check_words(command: Command, implied: bool, faults: FaultList, span: SpanOf, moving: str) -> None:
-    """Report words that the command does not take and words that stand twice."""
+    """Report words that the command does not take, and repeated words."""
     spec = command.spec
     if spec is UNKNOWN:
         return
@@ -248,7 +248,7 @@ def _report_orphan_word(word: Word, faults: FaultList, span: SpanOf) -> None:
 
 
 def _check_line(groups: tuple[Group, ...], faults: FaultList, span: SpanOf) -> None:
-    """Check a whole line: axis commands exclude motion (D-01a), a pause stands only at its ends."""
+    """Check a whole line: axis commands exclude motion (D-01a), a pause is only allowed at its ends."""
     everything = [command for group in groups for command in group]
     acts = [
         place

@@ -1,4 +1,4 @@
-"""Scan a line that has lexical errors: report each one and go on with the best guess."""
+"""Scan a line with lexical errors: report each one and continue with the best guess."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mcserver.gcode.text.command_table import find_command
 from mcserver.gcode.text.words import LETTERS, MAX_AXIS
 
 _BLANK = re.compile(r"[ \t]*")
-# what may have been meant as a number: all but blanks, controls, letters other than O, brackets, commas
+# a run that may have been meant as a number: no blanks, controls, letters except O, brackets, commas
 _RUN = re.compile(r"[^\x00-\x20\x7fA-NP-Za-np-z,\[\]()]*")
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)\Z")
 _EXPONENT = re.compile(r"[eE][-+]?[0-9]+")
@@ -26,7 +26,7 @@ Token = tuple[str, str, str]
 
 
 def scan_faulty(code: str, faults: FaultList) -> tuple[list[Token], list[Span]]:
-    """Return tokens and their columns; a number that cannot be guessed is ``nan``, such an axis ``[?]``."""
+    """Return tokens and their columns; a number that cannot be guessed is ``nan``, an axis number ``[?]``."""
     scanner = _ErrorScanner(code, faults)
     scanner.read()
     return scanner.tokens, scanner.spans
@@ -44,7 +44,7 @@ def _character(character: str) -> str:
 
 
 class _ErrorScanner:
-    """A single pass over the code, left to right, which looks at each character a bounded number of times."""
+    """Scans the code in one pass from left to right, reading each character a bounded number of times."""
 
     def __init__(self, code: str, faults: FaultList) -> None:
         self.code = code
@@ -81,9 +81,9 @@ class _ErrorScanner:
         self.faults.add(code, message, (start + 1, end + 1), hint, edit=edit)
 
     def _percent_line(self, start: int) -> None:
-        """Skip a ``%`` line with its title; code there is a fault, since it would be ignored silently."""
+        """Skip a ``%`` line with its title; code in it is a fault, since it would be ignored silently."""
         rest = self.code[start + 1 :]
-        # %NEU G71: the units of DIN 66025 behind the program's name
+        # %NEU G71: units of DIN 66025 after the program's name
         if re.match(r"[ \t]*[GMgm][ \t]*[0-9]|.*[ \t][Gg]7[01](?![0-9])", rest):
             self._fault(
                 "MC103",
@@ -170,11 +170,11 @@ class _ErrorScanner:
         return digits
 
     def _foreign(self, shown: str, run: str, begin: int) -> str:
-        """Report the first non-ASCII character of a number and return what the number looks like."""
+        """Report the first non-ASCII character of a number, and return what the number looks like."""
         at = next(index for index, character in enumerate(run) if not character.isascii())
         meant = unicodedata.normalize("NFKC", run.translate(_MINUSES)).translate(_MINUSES).strip()
         fits = _NUMBER.match(meant) is not None
-        # blanks that are not ASCII become plain ones, so that words stay apart
+        # blanks beyond ASCII become plain ones, so that words stay separate
         plain = unicodedata.normalize("NFKC", run.translate(_MINUSES)).translate(_MINUSES)
         hint = f"write {shown}{_shorten(meant)}" if fits else "type the word again"
         if unicodedata.normalize("NFKC", run[at]) == " ":

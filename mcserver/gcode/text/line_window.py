@@ -1,4 +1,4 @@
-"""A program's lines, read some at a time: what is kept does not grow with the program."""
+"""Read a program's lines block by block, in memory that does not grow with the program."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from itertools import islice
 from mcserver.errors import ProgramRejected
 from mcserver.gcode.text.source import find_odd_line
 
-# Lines that are read ahead in one go: some, so that batches of alike lines are found whole.
+# Lines that are read ahead at once: enough that batches of similar lines are found whole.
 BLOCK = 8192
 
 
 class LineWindow:
-    """The front of a program's lines.
+    """The next lines of a program.
 
     Attributes:
-        first: the lines that were read first, at most a block; for what a text begins with.
+        first: the first block of lines at most; for what a text begins with.
     """
 
     def __init__(self, lines: Iterable[str]) -> None:
         self._lines = iter(lines)
         self._ahead: list[str] = []
-        # how many of those ahead, and of all, have been taken
+        # lines taken: of the block, and before it
         self._taken = 0
         self._before = 0
         self._read_on()
@@ -41,20 +41,20 @@ class LineWindow:
         return not self._ahead
 
     def peek(self, most: int) -> list[str]:
-        """Return up to ``most`` lines from the front; fewer only at the end of the program."""
+        """Return up to ``most`` next lines; fewer only at the end of the program."""
         if len(self._ahead) - self._taken < most:
             self._read_on()
         return self._ahead[self._taken : self._taken + most]
 
     def drop(self, count: int) -> None:
-        """Take ``count`` lines, which `peek` has shown."""
+        """Take ``count`` lines that `peek` has returned."""
         self._taken += count
 
     def _read_on(self) -> None:
-        """Read a block more.
+        """Read another block.
 
         Raises:
-            ProgramRejected: MC156 a line that no machine takes; what the lines' source raises.
+            ProgramRejected: MC156 a line that no machine accepts; what the lines' source raises.
         """
         kept = self._ahead[self._taken :]
         self._before += self._taken

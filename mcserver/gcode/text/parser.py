@@ -1,4 +1,4 @@
-"""Parse a line into groups, commands and words (D-01, D-01a), with the faults that need no modal state."""
+"""Parse a line into groups, commands and words (D-01, D-01a), with all faults that need no modal state."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from mcserver.gcode.text.words import AXIS_LETTERS, LARGEST, MAX_AXIS, Word
 
 
 class ParsedLine:
-    """A parsed line: groups of commands of words, with columns on demand.
+    """A parsed line: groups of commands of words; columns are computed on demand.
 
     Attributes:
         number: of the line, from 1.
         text: as written.
-        faults: its faults of text and grammar.
-        profile: what it says besides, on machines whose dialect has more than the reference.
-        origin: of a line that was computed: the line of the text that it comes from, and where columns stand
-            there; None: it stands in the text as it is.
+        faults: of text and grammar.
+        profile: actions besides the reference's words, in dialects of profiles.
+        origin: of a computed line: its line in the text, and a map of columns to it; None: the text is the
+            line itself.
     """
 
     __slots__ = ("_groups", "_scan", "_spans", "faults", "number", "origin", "profile", "text")
@@ -41,24 +41,24 @@ class ParsedLine:
 
     @property
     def groups(self) -> tuple[Group, ...]:
-        """Return the comma groups in reading order, empty for a blank line."""
+        """Comma groups in reading order, empty for a blank line."""
         if self._groups is None:
             self._groups = self._structure(FaultList(self.number))
         return self._groups
 
     def with_words(self, groups: tuple[Group, ...], profile: ProfileWords | None) -> ParsedLine:
-        """Return the line with words of other values, in the same places of its text."""
+        """Return the line with other values of words, at the same columns."""
         found = copy(self)
         found._groups, found.profile = groups, profile
         return found
 
     @property
     def blank(self) -> bool:
-        """Return True if the line holds no code."""
+        """Whether the line has no code."""
         return not self.groups and self.profile is None
 
     def _letter(self, index: int) -> str:
-        """Return the letter that a profile's line has for an axis by its number; empty: it has the number."""
+        """Return the letter that a profile's line uses for an axis; empty if it uses the axis's number."""
         spans = self._scan.spans
         first = "" if spans is None else self._scan.code[spans[index][0] - 1]
         return first if first.isalpha() else ""
@@ -76,7 +76,7 @@ class ParsedLine:
         return self.span(command.first, command.last)
 
     def analyse(self, faults: FaultList) -> None:
-        """Build the groups and keep every fault, including those already in ``faults``."""
+        """Build the groups and store all faults, including those already in ``faults``."""
         self._groups = self._structure(faults)
         self.faults = faults.in_reading_order()
 
@@ -102,7 +102,7 @@ class ParsedLine:
         return groups
 
     def _empty_groups(self, commas: list[int], faults: FaultList) -> None:
-        """Report MC107 at the comma beside each group that holds only blanks or comments."""
+        """Report MC107 at the comma beside each group without words."""
         code = self._scan.code
         start = 0
         for comma in commas:
@@ -154,7 +154,7 @@ class ParsedLine:
 
 
 def scan_line(text: str, number: int) -> ParsedLine:
-    """Parse a line and keep its faults in `ParsedLine.faults`, for callers that read on after a fault."""
+    """Parse a line; faults are stored in `ParsedLine.faults`, for callers that continue after a fault."""
     if number == 1:
         text = text.removeprefix(BOM)
     faults = FaultList(number)

@@ -1,4 +1,4 @@
-"""What a line of a profile says beside the reference's words (D-60)."""
+"""Actions of a profile's line besides the reference's words (D-60)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class ProfileWord(msgspec.Struct, frozen=True, gc=False):
 
 
 class Action(msgspec.Struct, frozen=True, gc=False):
-    """A code that the reference does not have, with the words that are its own.
+    """A code that the reference does not have, with its own words.
 
     Attributes:
         code: as `mcserver.gcode.profiles.codes` names it; ``S`` and ``T`` for these words.

@@ -1,4 +1,4 @@
-"""Split a line's text into tokens: one regular expression if it is correct, else `lexical_errors`."""
+"""Split a line's text into tokens: by one regular expression if it is correct, else by `lexical_errors`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from mcserver.errors import Edit
 from mcserver.gcode.line_faults import FaultList, Span
 from mcserver.gcode.text.lexical_errors import scan_faulty
 
-# name, number, any other character; what matches no group is blank
+# name, number, any other character; blanks match no group
 TOKEN = re.compile(
     r"([A-CFGI-KMNPRT-Z]|\[[ \t]*[0-9]{1,3}[ \t]*\])[ \t]*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))|([^ \t])"
 )
@@ -22,7 +22,7 @@ class Scan(msgspec.Struct, frozen=True):
     """The tokens of one line.
 
     Attributes:
-        code: the text with its comments blanked, so that columns stay.
+        code: the text with comments blanked, so that columns stay.
         tokens: (name, number, "") for words, ("", "", ",") for commas.
         spans: columns of each token if `lexical_errors` has found them; None: `token_spans` computes them.
     """
@@ -33,7 +33,7 @@ class Scan(msgspec.Struct, frozen=True):
 
 
 def scan(text: str, faults: FaultList) -> Scan:
-    """Tokenize a line; report every lexical fault to ``faults`` and put a best guess in its place (D-01)."""
+    """Tokenize a line; report every lexical fault to ``faults`` and replace it by a best guess (D-01)."""
     code = text
     if "(" in code or ";" in code:
         code = blank_comments(text, faults)
@@ -55,7 +55,7 @@ def token_spans(code: str) -> list[Span]:
 
 
 def blank_comments(text: str, faults: FaultList) -> str:
-    """Replace comments by as many blanks, so that columns stay.
+    """Replace comments by blanks of the same length, so that columns stay.
 
     Comments do not nest; ``;`` inside ``( )`` is text; an unclosed ``(`` is a fault (D-01).
     """
@@ -90,12 +90,12 @@ def blank_comments(text: str, faults: FaultList) -> str:
 
 
 def _flat_comment(nested: str) -> str:
-    """Write a nested comment as one, without its inner parentheses."""
+    """Return a nested comment as a single one, without its inner parentheses."""
     return f"({nested.replace('(', '').replace(')', '')})"
 
 
 def _nested_end(text: str, start: int, end: int) -> int:
-    """Return the index past the ``)`` that was meant to end a nested comment, or 0 if none was."""
+    """Return the index after the ``)`` that was meant to end a nested comment, or 0 if none was."""
     depth = text.count("(", start, end) - 1
     if depth == 0:
         return 0

@@ -9,12 +9,12 @@ from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.machine.program_bytes import NoText, text_of_bytes, text_of_lines
 
 BOM = "\ufeff"
-# The longest line of a program that a machine takes, in characters.
+# Longest line that a machine accepts [characters].
 MAX_LINE_LENGTH = 8192
-# A piece without a line end that is cut off: it is no line, and must not fill the memory [bytes].
+# Most bytes without a line end; the rest is cut off, as it is not a line and must not fill memory.
 MAX_PIECE_BYTES = 1 << 16
 
-# Where a program's lines come from, without their ends: each call begins at the first one.
+# Source of a program's lines, without line ends: each call begins at the first line.
 LineSource = Callable[[], Iterator[str]]
 
 
@@ -22,7 +22,7 @@ def decode(raw: bytes) -> str:
     """Decode a program file, without its byte order mark.
 
     Raises:
-        ProgramRejected: MC100 at the first line that is no text.
+        ProgramRejected: MC100 at the first line that is not text.
     """
     try:
         return text_of_bytes(raw)
@@ -31,15 +31,15 @@ def decode(raw: bytes) -> str:
 
 
 def lines_of(blocks: Iterable[bytes], *, strict: bool = True) -> Iterator[str]:
-    """Decode and split a program that comes in blocks, as `decode` and `split_lines` do the whole of it.
+    """Decode and split a program in blocks, as `decode` and `split_lines` do for the whole of it.
 
-    A piece of more than `MAX_PIECE_BYTES` without a line end is the last line that is given.
+    A piece of more than `MAX_PIECE_BYTES` without a line end is the last line.
 
     Args:
-        strict: what is no text is a fault; else it is given as it may be shown.
+        strict: raise for bytes that are not text; else replace them for display.
 
     Raises:
-        ProgramRejected: MC100 at the first line that is no text.
+        ProgramRejected: MC100 at the first line that is not text.
     """
     pending, number = b"", 0
     for block in blocks:
@@ -58,12 +58,12 @@ def lines_of(blocks: Iterable[bytes], *, strict: bool = True) -> Iterator[str]:
 
 
 def _decoded(raw: bytes, before: int, strict: bool) -> str:
-    """Decode whole lines that stand behind so many others."""
+    """Decode complete lines that follow ``before`` others."""
     try:
         text = text_of_lines(raw if before else raw.removeprefix(BOM_UTF8), strict=strict)
     except NoText as error:
         raise _rejected(raw, error, before) from error
-    # as often as `decode` and `split_lines` do
+    # the byte order mark is removed as by `decode` and `split_lines`
     return text if before else text.removeprefix(BOM)
 
 
@@ -100,11 +100,11 @@ def _split(text: str) -> list[str]:
 
 
 def find_odd_line(lines: list[str], first: int = 1) -> Diagnostic | None:
-    """Return the fault of the first line that no machine takes (MC156): too long, or a whole file whose lines
-    end with CR alone. A CR in one of several lines is a fault of that line.
+    """Return the fault of the first line that no machine accepts (MC156): too long, or a whole file whose
+    lines end with CR alone. A CR in one of several lines is a fault of that line.
 
     Args:
-        lines: from line ``first`` of the file on.
+        lines: of the file, from line ``first`` on.
     """
     if max(map(len, lines), default=0) <= MAX_LINE_LENGTH and not (first == 1 and len(lines) == 1):
         return None

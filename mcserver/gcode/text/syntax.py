@@ -9,7 +9,7 @@ from mcserver.gcode.text.words import Word
 
 
 class Setting(msgspec.Struct, frozen=True):
-    """A modal code at its place among the words; ``argument`` is the P of G64."""
+    """A modal code among the words; ``argument`` is the P of G64."""
 
     spec: CommandSpec
     index: int
@@ -23,11 +23,11 @@ class Command(msgspec.Struct, frozen=True):
     """A code and the words that follow it.
 
     Attributes:
-        spec: the code; None for words that no code leads: settings, F or T alone, or axis words that
-            repeat the last of G00-G03 (D-03).
+        spec: the code; None for words without a code: settings, F or T alone, or axis words that repeat
+            the last of G00-G03 (D-03).
         items: words and settings in reading order.
-        moves: True if it has axis words, or such as repeat a motion code.
-        first, last: the tokens that it spans.
+        moves: it has axis words, or others that repeat a motion code.
+        first, last: its tokens.
     """
 
     spec: CommandSpec | None

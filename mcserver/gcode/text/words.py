@@ -33,11 +33,11 @@ class Word(msgspec.Struct, frozen=True, gc=False):
 
     Attributes:
         letter: upper case; ``[`` for an axis by its number.
-        value: the number; NaN for one that was faulty, in a line that is rejected all the same.
+        value: the number; NaN for a faulty one, in a line that is rejected anyway.
         index: of its token in the line; `ParsedLine.span` gives its columns.
         axis: 0-63 for axis words, else -1.
         text: the number as written.
-        written: a letter of the machine file's, such as E, that stands in the text for ``[``.
+        written: letter of the machine file's that is written instead of ``[n]``, such as E.
     """
 
     letter: str
@@ -49,7 +49,7 @@ class Word(msgspec.Struct, frozen=True, gc=False):
 
     @property
     def shown(self) -> str:
-        """Return the word as messages show it."""
+        """The word as in messages."""
         text = self.text if len(self.text) <= 24 else f"{self.text[:20]}…"
         return self.name + text
 
