@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
+
+import pytest
 
 FOLDER = Path(__file__).parents[2] / "kinematics"
 
@@ -30,6 +33,12 @@ def test_the_example_of_its_readme_runs_without_the_server() -> None:
     )
     assert done.returncode == 0, done.stderr
     assert "Pose(" in done.stdout
+
+
+def test_the_example_of_its_page_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    page = (FOLDER.parent / "docs" / "kinematics.md").read_text("utf-8")
+    exec(re.findall(r"```python\n(.*?)```", page, re.S)[-1], {})
+    assert capsys.readouterr().out.startswith("(-0.159, -0.4, ")
 
 
 def test_no_file_of_it_names_the_server_s_packages() -> None:
