@@ -212,7 +212,8 @@ class BlockState:
                 axis=index,
             )
             return None
-        besides = self.superimposed(index)
+        # of a tool that follows, its joints
+        besides = axis.reserved is not None
         since = dict(self.modal.coupled).get(index)
         if since is not None and not (coupled or (along and besides)):
             self.faults.add(
