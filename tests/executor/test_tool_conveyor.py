@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
@@ -208,6 +209,34 @@ def test_whatever_the_belt_does_the_joints_keep_their_limits(
     )
     assert cell.broken() == []
     assert set(cell.faults) <= {FaultCode.OUT_OF_STEP, FaultCode.WINDOW_LEFT, FaultCode.TOOL_BEYOND}
+
+
+@LAW
+@given(
+    st.floats(0.0, 2.0 * math.pi),
+    st.integers(-1500, 1500).map(float),
+    st.sampled_from([0.2, 0.3, 0.5, 0.7]),
+    st.integers(-200, 60).map(float),
+)
+def test_whichever_way_the_belt_goes_the_tip_is_on_the_piece_or_the_program_ends(
+    angle: float, speed: float, reserve: float, y: float
+) -> None:
+    words = {
+        "[0.0, 1.0, 0.0]": f"[{math.cos(angle)}, {math.sin(angle)}, 0.1]",
+        "-150.0, 250.0": "-60.0, 120.0",
+        "reserve = 0.4": f"reserve = {reserve}",
+    }
+    cell = Worker(machine(**words), f"{begun(speed, y)}{shape(y)}G1061\nM2").play()
+    assert cell.broken() == []
+    assert cell.engaged == ()
+    assert set(cell.faults) <= {FaultCode.OUT_OF_STEP, FaultCode.WINDOW_LEFT, FaultCode.TOOL_BEYOND}
+    if sum(cell.steady) > 200:
+        part = cell.following
+        beside = (cell.tip(cell.rows)[0] - cell.tip(cell.ordered)[0])[part.start + 100 : part.stop]
+        along = beside @ np.array([math.cos(angle), math.sin(angle), 0.1]) / 1.01
+        on_piece = along - cell.belt[part.start + 100 : part.stop]
+        # twice its tolerance
+        assert np.ptp(on_piece) < 0.2 * MM
 
 
 @pytest.mark.parametrize("axis", [0, 3])
