@@ -154,6 +154,7 @@ pictures: $(VENV)/.for-development  ## draw the pictures of the documentation an
 	$(BIN)/python -m tests.bench.pictures backlash docs/images/backlash.png
 	$(BIN)/python -m tests.bench.pictures threading docs/images/threading.png
 	$(BIN)/python -m tests.bench.pictures conveyor docs/images/conveyor.png
+	$(BIN)/python -m tests.bench.pictures arm_conveyor docs/images/arm-conveyor.png
 	$(BIN)/python -m tests.browser.picture docs/images
 	$(BIN)/python -m tests.motion.picture docs/images/chords.png docs/images/stretches.png
 

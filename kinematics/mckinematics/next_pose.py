@@ -11,12 +11,15 @@ from mckinematics.newton import joint_slope
 from mckinematics.pose import Array, Pose, ToolPath
 from mckinematics.rotation import matrix_to_euler
 from mckinematics.search import within_limits
+from mckinematics.single import Floats
 from mckinematics.target_path import TargetPath
 from mckinematics.tool import Targets, ToolModel
 from mckinematics.trace import LARGEST_CORRECTION, Goal, largest_change, linear_step, trace
 
 # Newton's steps to a pose near by, and the one behind which nothing is left: its square [rad]
 STEPS, SETTLED = 6, 1e-4
+# the same where setpoints follow from it, whose jerk is to be smooth
+EXACT = 1e-6
 # how strongly joints to spare are moved away from a limit that they would pass
 ASIDE = 4.0
 # share of a twist that a singular position may take away
@@ -38,23 +41,43 @@ def solve_near(tool: ToolModel, target: Targets, joints: Array) -> Array | None:
 def _newton(tool: ToolModel, target: Targets, joints: Array, aside: float) -> Array | None:
     turned = None if target.rotations is None else target.rotations.ravel().tolist()
     goal = Goal(target.positions[0].tolist(), turned, (0.0,) * tool.rows)
-    start, units = joints.tolist(), tool.unit.tolist()
+    start = joints.tolist()
     guess = start
     if tool.posture is not None or aside:
         residual, jacobian = tool.linearise(joints[None], target)
         guess = (joints + joint_slope(tool, joints[None], jacobian, residual, aside)[0]).tolist()
+    found = solve_goal(tool, guess, goal, start=start, settled=SETTLED)
+    return None if found is None else np.array(found[0])
+
+
+def solve_goal(
+    tool: ToolModel, guess: Floats, goal: Goal, *, start: Floats | None = None, settled: float = EXACT
+) -> tuple[list[float], list[float]] | None:
+    """Joints at a goal near a guess and their slope there, K numbers each; None: it is not near.
+
+    Args:
+        start: from which no joint goes further than `LARGEST_CORRECTION`; None: the guess. settled: the step
+            behind which nothing is left but its square [rad].
+    """
+    start, units = guess if start is None else start, tool.unit.tolist()
+    found = list(guess)
     for _ in range(STEPS):
-        linear = linear_step(tool, guess, goal, 0.0)
-        guess = [joint + change for joint, change in zip(guess, linear.step, strict=True)]
+        linear = linear_step(tool, found, goal, 0.0)
+        found = [joint + change for joint, change in zip(found, linear.step, strict=True)]
         # a step that is no number is not below the bound either
-        if not largest_change(guess, start, units) <= LARGEST_CORRECTION:
+        if not largest_change(found, start, units) <= LARGEST_CORRECTION:
             return None
-        if linear.closes and largest_change(linear.step, (0.0,) * len(guess), units) <= SETTLED:
-            found = np.array(guess)
+        if linear.closes and largest_change(linear.step, (0.0,) * len(found), units) <= settled:
             # a chain with too few joints comes to rest beside what it cannot reach
             loose = tool.rank < tool.rows
-            return found if not loose or tool.reached(tool.residual(found[None], target))[0] else None
+            return (found, linear.slope) if not loose or _reached(tool, found, goal) else None
     return None
+
+
+def _reached(tool: ToolModel, joints: Floats, goal: Goal) -> bool:
+    turned = None if goal.rotation is None else np.array(goal.rotation).reshape(1, 3, 3)
+    residual = tool.residual(np.array([joints]), Targets(np.array([goal.position]), turned))
+    return bool(tool.reached(residual)[0])
 
 
 def solve_along_line(tool: ToolModel, pose: Pose, joints: Array) -> Array | None:

@@ -109,5 +109,12 @@ class Kinematics(Protocol):
     def solve_path(self, tool: int, path: ToolPath, joints: Mapping[int, float]) -> JointPath:
         """Joint path that starts at ``joints``; raises `KinematicsError`; nothing is clipped."""
 
+    def check_beside(
+        self, tool: int, path: Array, shares: Array, direction: Triple, window: tuple[float, float]
+    ) -> None:
+        """Refuse a path, joints (n, K) at shares (n,) of it, beside which the tool cannot be shifted along a
+        direction anywhere in a window [m]; raises `KinematicsError`.
+        """
+
     def tip_control(self, tool: int, length: float) -> TipControl:
         """Return the tool with a cutter of a length [m], led by its tip; raises `ModelError`."""

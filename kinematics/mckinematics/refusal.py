@@ -38,9 +38,11 @@ def unreachable(tool: ToolModel, residual: Array, place: Array, s: float | None)
 
 
 def joint_limit(
-    tool: ToolModel, column: int, value: float, place: Array, s: float | None, residual: float
+    tool: ToolModel, column: int, value: float, place: Array, s: float | None, residual: float | None
 ) -> JointLimit:
-    """Joint ``column`` would need ``value`` [rad or m]; within its limits ``residual`` [m] is missing."""
+    """Joint ``column`` would need ``value`` [rad or m]; within its limits ``residual`` [m] is missing, None:
+    that was not looked for.
+    """
     chain = tool.chain
     below = value < chain.lower[column]
     limit = float(chain.lower[column] if below else chain.upper[column])

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from mckinematics.beside import check_beside
 from mckinematics.description import MachineDescription, ToolDescription
 from mckinematics.dynamics import JointDynamics
 from mckinematics.errors import ModelError
@@ -125,6 +126,19 @@ class MachineKinematics:
         """
         model = self.tool(tool)
         return solve_tool_path(model, path, _column(model, joints))
+
+    def check_beside(
+        self, tool: int, path: Array, shares: Array, direction: Triple, window: tuple[float, float]
+    ) -> None:
+        """Refuse a path beside which the tool cannot be shifted anywhere in a window [m].
+
+        Args:
+            path: joints of the chain, shape (n, K), at ``shares`` of the path, shape (n,).
+
+        Raises:
+            KinematicsError: see `mckinematics.beside.check_beside`.
+        """
+        check_beside(self.tool(tool), path, shares, direction, window)
 
     def tip_control(self, tool: int, length: float) -> TipControl:
         """The tool with a cutter of a length [m], led by its tip while its turning joints go as written.

@@ -165,7 +165,7 @@ class ExactStop(Barrier):
         worst, excess, settled = -1, 0.0, True
         for column in bank.masks.columns(self._axes & bank.positioned):
             axis = cycle.machine.axes[column]
-            distance = abs(float(row.actual[column] - row.setpoint[column]))
+            distance = self._distance(column)
             if distance == 0.0 and row.actual_velocity[column] == 0.0:
                 continue
             if not distance <= axis.in_position:
@@ -182,7 +182,7 @@ class ExactStop(Barrier):
             self._waited += cycle.cycle_s
         if self._waited > self._timeout:
             axis = cycle.machine.axes[worst]
-            distance = abs(float(row.actual[worst] - row.setpoint[worst]))
+            distance = self._distance(worst)
             raise BarrierFault(FaultCode.EXACT_STOP_TIMEOUT, worst, (distance, axis.in_position))
         return False
 
@@ -194,8 +194,14 @@ class ExactStop(Barrier):
         included.
         """
         cycle = self._cycle
-        distance = abs(cycle.history[:, column] - cycle.row.setpoint[column])
+        distance = abs(cycle.history[:, column] - cycle.ordered(column))
         return bool((distance <= tolerance).all())
+
+    def _distance(self, column: int) -> float:
+        """How far the encoder is from its target in this cycle, in the frame in which the program works."""
+        cycle = self._cycle
+        reading = cycle.history[cycle.number % len(cycle.history), column]
+        return abs(float(reading - cycle.ordered(column)))
 
 
 class InStep(Barrier):

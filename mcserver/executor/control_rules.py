@@ -336,30 +336,35 @@ def _act(slot: ProgramSlot, axes: int, operation: AxisOperation) -> Barrier | No
 
 
 def _couple(slot: ProgramSlot, axes: int) -> Barrier | None:
-    """Let an axis follow its leader; u stands until it is in step (D-130)."""
-    couplings = slot.cycle.couplings
+    """Let an axis, or a tool's joints, follow a leader; u stands until it is in step (D-130)."""
+    couplings, bank = slot.cycle.couplings, slot.cycle.bank
     _refuse(slot, axes & couplings.all_following, FaultCode.COUPLED)
     _check_still(slot, axes)
-    (column,) = slot.cycle.bank.masks.columns(axes)
-    axis = slot.cycle.machine.axes[column]
-    if axis.superimposed is not None:
-        _check_window(slot, column, axis, axis.superimposed)
-    within = UNBOUNDED if slot.guard is None else slot.guard.bounds(column)
-    coupling = couplings.prepare(column, slot.index, slot.generation, within)
+    columns = bank.masks.columns(axes)
+    within = UNBOUNDED
+    for column in columns:
+        axis = slot.cycle.machine.axes[column]
+        if slot.guard is not None:
+            within = slot.guard.bounds(column)
+            # what the leader does besides was not simulated
+            _refuse(slot, axes if axis.reserved is not None else 0, FaultCode.ENVELOPE_COMMAND)
+        if axis.superimposed is not None:
+            _check_window(slot, column, axis, axis.superimposed)
+    if len(columns) > 1:
+        # where a tool is follows from all its joints
+        _refuse(slot, slot.cycle.homed.barred(axes), FaultCode.NOT_HOMED)
+    coupling = couplings.prepare(axes, slot.index, slot.generation, within)
     _check_homed(slot, 1 << coupling.leader.column)
     if coupling.leader.lost(0):
         raise BarrierFault(FaultCode.LEADER_LOST, coupling.leader.column)
     if not abs(coupling.apart) <= coupling.tolerance:
-        raise BarrierFault(FaultCode.BESIDE_CAM, column, (coupling.apart, coupling.tolerance))
+        raise BarrierFault(FaultCode.BESIDE_CAM, coupling.column, (coupling.apart, coupling.tolerance))
     couplings.couple(coupling)
     return InStep(slot.cycle, coupling)
 
 
 def _check_window(slot: ProgramSlot, column: int, axis: Axis, own: Superimposed) -> None:
-    """Raise where an axis may leave its travel by what it follows, or what a program was approved for."""
-    if slot.guard is not None:
-        # what the leader does was not simulated
-        raise BarrierFault(FaultCode.ENVELOPE_COMMAND, column)
+    """Raise where an axis may leave its travel by what it follows."""
     place = float(slot.cycle.row.ordered[column])
     for end, limit in ((place + own.low, axis.min_position), (place + own.high, axis.max_position)):
         beyond = limit - end if limit == axis.min_position else end - limit
@@ -460,7 +465,9 @@ def _settle(slot: ProgramSlot, control: Control, left: float, waited: bool) -> B
         return AtRest(cycle, control.axes & ~cycle.couplings.mask)
     setpoints = row.ordered.tolist()
     encoders = (row.actual if bank.shaper is None else row.actual - bank.shaper.added).tolist()
-    for column in bank.masks.columns(bank.exact & bank.energized & bank.positioned):
+    # an encoder that moves along with what it follows is behind
+    told = bank.exact | cycle.couplings.superimposed()
+    for column in bank.masks.columns(told & bank.energized & bank.positioned):
         encoders[column] = setpoints[column]
     values = (*setpoints, *encoders)
     if cycle.emit(EventKind.SETTLED, slot.index, control.line, left, token=control.token, values=values):

@@ -8,6 +8,8 @@ What is left of the target is held against the tolerance.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from mcserver.executor.axes import AxisBank
@@ -16,6 +18,7 @@ from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.leading_curves import Gear, curve_of
 from mcserver.executor.spindle_following import MeasuredPlace
 from mcserver.executor.target_follower import UNBOUNDED, Bounds, tracking_limits
+from mcserver.machine.follow_section import Follow
 from mcserver.machine.machine_file import Axis, Machine
 from mcserver.motion.kernels.target_tracking import MAX_ACCELERATION, MAX_JERK, VELOCITY, follow_targets
 
@@ -29,23 +32,28 @@ class Leader:
     """Where a leader is, by what it is ordered or by its encoder.
 
     Args:
-        column: of it. measured: its encoder counts, not what it is ordered.
+        column: of it. measured: its encoder counts, not what it is ordered. shaped: what its drive gets does,
+            not what is to be shaped yet.
 
     Attributes:
         start: where it was as this was made [m or rad]. shifted: by how much its positions read more since.
     """
 
-    def __init__(self, bank: AxisBank, column: int, cycle_s: float, *, measured: bool) -> None:
+    def __init__(
+        self, bank: AxisBank, column: int, cycle_s: float, *, measured: bool, shaped: bool = False
+    ) -> None:
         self.column, self.measured = column, measured
         self._bank, self._row, self._cycle_s = bank, bank.row, cycle_s
+        self._places = bank.row.setpoint if shaped else bank.row.ordered
+        self._speeds = bank.row.velocity if shaped else bank.row.ordered_velocity
         self._encoder = MeasuredPlace(cycle_s)
         # from the reading of the cycle before to this cycle's setpoint
         late = bank.delay_cycles if bank.delayed[column] else 0
         self._late_s = cycle_s * (1 + late)
-        self._speed = float(self._row.ordered_velocity[column])
-        self._place = float(self._row.ordered[column])
+        self._speed = float(self._speeds[column])
+        self._place = float(self._places[column])
         self.shifted = 0.0
-        self.start = float((self._row.actual if measured else self._row.ordered)[column])
+        self.start = float((self._row.actual if measured else self._places)[column])
 
     @property
     def known(self) -> bool:
@@ -76,8 +84,8 @@ class Leader:
             encoder.take(float(row.actual[column]) if fresh else encoder.ahead(self._cycle_s)[0])
             place, speed, acceleration = encoder.ahead(self._late_s)
             return place - self.shifted, speed, acceleration
-        before, self._speed = self._speed, float(row.ordered_velocity[column])
-        start, self._place = self._place, float(row.ordered[column])
+        before, self._speed = self._speed, float(self._speeds[column])
+        start, self._place = self._place, float(self._places[column])
         # at the end of a cycle of constant jerk
         mean = (self._place - start) / self._cycle_s
         acceleration = (4.0 * self._speed + 2.0 * before - 6.0 * mean) / self._cycle_s
@@ -98,11 +106,13 @@ class Coupling:
     """A follower and its leader.
 
     Args:
-        column: of the follower, at rest. slot, generation: of the program that couples it.
+        follow: what it does. columns: of the follower, or of the tool's joints, at rest. slot, generation: of
+            the program that couples it.
         place: where what follows begins [m or rad]. within: what bounds the follower besides its own limits.
         limits: as `coupled_limits`.
 
     Attributes:
+        axes: mask of the columns. column: the first, or the one that the fault of `out_of_step` is of.
         tolerance: [m or rad].
         error: distance from the target in this cycle [m or rad]. in_step: it was within the tolerance.
         ending: it is to end with the cycle that begins.
@@ -110,6 +120,8 @@ class Coupling:
 
     # whether it is to take up what has not come yet
     waits = False
+    # whether it cannot go on, whatever its error is
+    failed = False
     # whether the follower moves by programs, too, and what follows is an offset to these
     superimposed = False
 
@@ -117,21 +129,25 @@ class Coupling:
         self,
         machine: Machine,
         bank: AxisBank,
-        column: int,
+        follow: Follow,
+        columns: Sequence[int],
         slot: int,
         generation: int,
         place: float,
         within: Bounds,
         limits: Array,
     ) -> None:
-        follow = machine.axes[column].follow
-        assert follow is not None
-        self.column, self.slot, self.generation = column, slot, generation
+        self.column, self.slot, self.generation = columns[0], slot, generation
+        self.axes = sum(1 << column for column in columns)
         self.tolerance = follow.tolerance
         self._row, self._cycle_s = bank.row, machine.cycle_s
         self._curve = curve_of(follow)
         self.leader = Leader(
-            bank, machine.column_of(follow.leader), machine.cycle_s, measured=follow.measured
+            bank,
+            machine.column_of(follow.leader),
+            machine.cycle_s,
+            measured=follow.measured,
+            shaped=self.superimposed,
         )
         self._within, self._limits = within, limits
         self._states: Array = np.array([[place, 0.0, 0.0]] * len(limits))

@@ -34,8 +34,8 @@ class Cycle:
         io: inputs and outputs. profiled: axes whose drives make their profiles themselves.
         feed_forward: torques for drives that take them along; None where none does.
         number: of the cycle. bed: the mesh that programs probe; None: there is none.
-        history: shape (exact_stop_cycles, K), the latest encoder readings; that of cycle n in row n %
-            exact_stop_cycles.
+        history: shape (exact_stop_cycles, K), the latest encoder readings as programs have positions, less
+            what axes do besides; that of cycle n in row n % exact_stop_cycles.
         gantries: pairs of drives. couplings: axes that follow others.
         homed: the axes' references. shifted: called with a column and a distance where its positions read
             that much more from now on.
@@ -63,6 +63,7 @@ class Cycle:
         self.number = 0
         self.estop = False
         self.history: Array = np.full((machine.exact_stop_cycles, len(machine.axes)), np.nan)
+        self._added: Array = np.zeros((1 + bank.delay_cycles, len(machine.axes)))
         self.gantries = GantryPairs(machine, bank, motions)
         self.couplings = Couplings(machine, bank, motions)
         self.shifted: list[Callable[[int, float], None]] = [self.gantries.shift, self.couplings.shift]
@@ -81,6 +82,22 @@ class Cycle:
         if bank.compensator is not None:
             moving |= mask_of(bank.compensator.unsettled)
         return moving & bank.energized & ~self.motions.mask
+
+    def note_readings(self) -> None:
+        """Keep the encoder readings of this cycle."""
+        shaper, now, added = self.bank.shaper, self.history[self.number % len(self.history)], self._added
+        np.copyto(now, self.row.actual)
+        if shaper is not None:
+            added[self.number % len(added)] = shaper.added
+            # a reading that is behind is of a setpoint that was
+            late = added[(self.number + 1) % len(added)]
+            now -= np.where(self.bank.delayed, late, shaper.added)
+
+    def ordered(self, column: int) -> float:
+        """Return where a column's drive was told to be, as programs have positions."""
+        shaper = self.bank.shaper
+        added = 0.0 if shaper is None else float(shaper.added[column])
+        return float(self.row.setpoint[column]) - added
 
     def emit(
         self,

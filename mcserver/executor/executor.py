@@ -141,7 +141,7 @@ class Executor:
 
     def cycle(self, time: float) -> None:
         """Run one cycle; ``time``: executor time [s]."""
-        cycle, row = self._cycle, self._row
+        cycle = self._cycle
         elapsed, cycle.time = time - cycle.time, time
         if elapsed > self._longest_cycle:
             self._stall(elapsed)
@@ -173,7 +173,7 @@ class Executor:
         self.bank.exchange()
         if profiled.mask:
             profiled.after_exchange()
-        cycle.history[cycle.number % len(cycle.history)] = row.actual
+        cycle.note_readings()
         if self._has_io:
             self._read_inputs()
             if cycle.couplings.works:
@@ -335,7 +335,8 @@ class Executor:
         for slot in self._slots:
             slot.stall(seconds, limit)
         stopped = [each for each in cycle.couplings.engaged if not self._slots[each.slot].goes_on]
-        cycle.couplings.forget(sum(1 << each.column for each in stopped))
+        # what was added to setpoints counts as ordered first: they are let go in the next cycle
+        cycle.couplings.forget(sum(each.axes for each in stopped) & cycle.couplings.mask)
         unowned = self.bank.all & ~self._owned()
         self.motions.rest(unowned)
         stop_independent(cycle, unowned, -1)

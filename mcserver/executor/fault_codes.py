@@ -86,6 +86,7 @@ class FaultCode(enum.IntEnum):
     WINDOW_LEFT = 475
     BED_TOO_FAR = 476
     BED_TOO_STEEP = 477
+    TOOL_BEYOND = 478
 
 
 # Codes that are reported and stop no program.
@@ -444,7 +445,8 @@ _TEXT: dict[int, tuple[str, str]] = {
         "bring it there by G00 before G1060; a leader that moves has to be where the cam stands",
     ),
     FaultCode.OUT_OF_STEP: (
-        "axis {axis} is further from where its leader has it than the tolerance of its [axis.follow]",
+        "axis {axis} is further from where its leader has it, or the tool that it moves, than the tolerance "
+        "of its follow",
         "a slower leader, a lower ratio or a smoother cam, more max_acceleration or max_jerk, or a wider "
         "tolerance",
     ),
@@ -457,7 +459,8 @@ _TEXT: dict[int, tuple[str, str]] = {
         "uncouple it before: G1061",
     ),
     FaultCode.WINDOW_LEFT: (
-        "what axis {axis} follows has come to the end of the window of its [axis.follow]",
+        "what axis {axis} follows, or the tool that it moves, has come to the end of the window of its "
+        "follow",
         "end with G1061 before; a slower leader, a quicker program or a wider window",
     ),
     FaultCode.BED_TOO_FAR: (
@@ -467,6 +470,11 @@ _TEXT: dict[int, tuple[str, str]] = {
     FaultCode.BED_TOO_STEEP: (
         "the bed changes faster than reserve of axis {axis} lets it follow; its mesh stays as it was",
         "level the bed, raise reserve, lower the limits of the axes over it, or put the points further apart",
+    ),
+    FaultCode.TOOL_BEYOND: (
+        "the tool that axis {axis} moves cannot go along with what it follows: a joint's travel, its reach "
+        "or a singular position is in the way",
+        "work further from there, or give its follow a narrower window",
     ),
     FaultCode.NO_TRAJECTORY: (
         "no motion of axis {axis} to its target keeps its limits",

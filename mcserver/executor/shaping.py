@@ -10,6 +10,8 @@ holds for what drives get. What an axis does for one that it follows besides is 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,7 +28,8 @@ class Shaper:
         delay: by which the path comes later, the same for all axes [cycles].
         tool: that is in the spindle, 0: none, or it is not known.
         added, added_velocity: to what is shaped, shape (K,) [m or rad, per second].
-        advance: of a printer's E; None: it has none.
+        advance: of a printer's E; None: it has none. followers: of what follows others besides, called once
+            setpoints are shaped, to set ``added``.
     """
 
     def __init__(self, shaping: Shaping, row: FeedbackRow, cycle_s: float) -> None:
@@ -34,6 +37,7 @@ class Shaper:
         self._cycle = cycle_s
         self.delay = shaping.delay
         self.advance: PressureAdvance | None = None
+        self.followers: tuple[Callable[[], None], ...] = ()
         count, length = len(shaping.weights), shaping.length + 1
         if shaping.lead is not None:
             self.advance = PressureAdvance(shaping.lead, length, cycle_s)
@@ -105,6 +109,8 @@ class Shaper:
             self.advance.lead(at, step)
             self.added[self.advance.column] = self.advance.offset
             self.added_velocity[self.advance.column] = self.advance.velocity
+        for follow in self.followers:
+            follow()
         row.setpoint += self.added
         row.velocity += self.added_velocity
 

@@ -1,14 +1,15 @@
 """Axes that follow others besides what programs order, as X of a gantry over a conveyor does (D-142).
 
 The way of the leader, from where the two were coupled or from where an input rose, gives the axis its offset,
-which goes after it within the share of the axis's limits that programs do not have. Programs see the axis
-without it: they work in the frame that moves. Once the coupling has ended and both are at rest, the offset
-counts as ordered, and where the axis stands is read anew.
+which goes after it within the share of the axis's limits that programs do not have. It is added to what is
+shaped. Programs see the axis without it: they work in the frame that moves. Once the coupling has ended and
+both are at rest, the offset counts as ordered, and where the axis stands is read anew.
 """
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from mcserver.executor.entries import Array
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.io_bank import IoBank
 from mcserver.executor.target_follower import Bounds
+from mcserver.machine.compensation_section import Limits
+from mcserver.machine.follow_section import Follow
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.kernels.target_tracking import MAX_JERK, VELOCITY, follow_targets
 
@@ -39,17 +42,21 @@ class SuperimposedCoupling(Coupling):
         self,
         machine: Machine,
         bank: AxisBank,
-        column: int,
+        follow: Follow,
+        columns: Sequence[int],
         slot: int,
         generation: int,
         noted: deque[float] | None,
+        limits: Limits,
     ) -> None:
-        own = machine.axes[column].superimposed
+        own = follow.superimposed
         assert own is not None
         assert bank.shaper is not None
-        limits = np.array([[*own.limits, own.low, own.high], [*own.limits, -np.inf, np.inf]])
-        super().__init__(machine, bank, column, slot, generation, 0.0, Bounds(own.low, own.high), limits)
+        rows = np.array([[*limits, own.low, own.high], [*limits, -np.inf, np.inf]])
+        within = Bounds(own.low, own.high)
+        super().__init__(machine, bank, follow, columns, slot, generation, 0.0, within, rows)
         self._shaper, self._noted, self._after = bank.shaper, noted, own.after
+        self._masks = bank.masks
         # it waits for a work: the leader's place at which the offset is 0 is not known yet
         self.waits = noted is not None
 
@@ -64,13 +71,20 @@ class SuperimposedCoupling(Coupling):
             self.leader.shift(distance)
 
     def step(self) -> None:
-        """Let a cycle pass, behind which the axis's offset is set."""
+        """Let a cycle pass, behind which it is set what is added to the shaped setpoints."""
+        self._move()
+        self._add()
+
+    def _move(self) -> None:
+        """Move the offset."""
         if self.waits:
             self._look_for_work()
         elif self.ending:
             follow_targets(self._states, self._targets, self._limits, 0.0, self._cycle_s, False)
         else:
             self._go_after()
+
+    def _add(self) -> None:
         self._shaper.added[self.column] = self.state[0]
         self._shaper.added_velocity[self.column] = self.state[VELOCITY]
 
@@ -99,14 +113,19 @@ class SuperimposedCoupling(Coupling):
         """Let the offset be at rest where it is: drives got no setpoints for a time."""
         self._states[:, 1:] = 0.0
 
-    def release(self, *, held: bool) -> float:
-        """Let the offset, at rest, count as ordered; ``held``: the axis follows setpoints. Return it."""
-        offset = float(self.state[0]) if held else 0.0
-        self._shaper.added[self.column] = self._shaper.added_velocity[self.column] = 0.0
-        if offset:
-            self._row.ordered[self.column] += offset
-            self._shaper.shift(self.column, offset)
-        return offset
+    def lose(self) -> None:
+        """Know that some of the axes follow no setpoints any more."""
+
+    def release(self, held: int) -> dict[int, float]:
+        """Let what is added, at rest, count as ordered, for columns that follow setpoints. Return it."""
+        added: dict[int, float] = {}
+        for column in self._masks.columns(self.axes):
+            if held >> column & 1:
+                added[column] = offset = float(self._shaper.added[column])
+                self._row.ordered[column] += offset
+                self._shaper.shift(column, offset)
+            self._shaper.added[column] = self._shaper.added_velocity[column] = 0.0
+        return added
 
     @property
     def rests(self) -> bool:
@@ -120,29 +139,30 @@ class SuperimposedCoupling(Coupling):
 
 
 class NotedWorks:
-    """Where leaders were as inputs rose that say that a work comes, by the axes that are to follow it."""
+    """Where leaders were as inputs rose that say that a work comes, by what is to follow them."""
 
     def __init__(self, machine: Machine, bank: AxisBank) -> None:
         self._noted: dict[int, deque[float]] = {}
-        # of each: the input's column, whether it was on, the leader's column and places
+        # of each: the input's column, the leader's column and places
         self._latches: list[tuple[int, int, Array, deque[float]]] = []
-        for column, axis in enumerate(machine.axes):
-            follow, own = axis.follow, axis.superimposed
-            if follow is None or own is None or own.latch is None:
+        given = [(1 << column, axis.follow) for column, axis in enumerate(machine.axes)]
+        given += [(machine.mask_of(tool.axes), tool.follow) for tool in machine.tools]
+        for axes, follow in given:
+            if follow is None or follow.superimposed is None or follow.superimposed.latch is None:
                 continue
-            places = bank.row.actual if follow.measured else bank.row.ordered
-            noted = self._noted[column] = deque(maxlen=MOST_NOTED)
+            places = bank.row.actual if follow.measured else bank.row.setpoint
+            noted = self._noted[axes] = deque(maxlen=MOST_NOTED)
             leader = machine.column_of(follow.leader)
-            self._latches.append((own.latch, leader, places, noted))
+            self._latches.append((follow.superimposed.latch, leader, places, noted))
         # an input that is on at the start has not risen
         self._on = [True] * len(self._latches)
 
     def __bool__(self) -> bool:
         return bool(self._latches)
 
-    def of(self, column: int) -> deque[float] | None:
+    def of(self, axes: int) -> deque[float] | None:
         """Return the works that a follower has not taken, the oldest first; None: no input notes them."""
-        return self._noted.get(column)
+        return self._noted.get(axes)
 
     def note(self, io: IoBank) -> None:
         """Look at the inputs of a cycle."""

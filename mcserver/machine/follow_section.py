@@ -1,11 +1,12 @@
 """``follow`` of an axis: the electronic gear or cam by which it follows another one while it is coupled.
 
-A superimposed follower goes after its leader besides what programs order it: X of a gantry over a conveyor.
-A share of its limits is kept for that.
+A superimposed follower goes after its leader besides what programs order it: X of a gantry over a conveyor,
+or, with a ``follow`` of its own, the tool of an arm. A share of the axes' limits is kept for that.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -13,10 +14,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from mcserver.machine.compensation_section import Limits
 from mcserver.machine.constraints import LEAST_STEP, Positive, ascending
 from mcserver.machine.section_reader import Mistakes
 from mcserver.machine.toml_positions import Path
+from mcserver.units import MM
 
 if TYPE_CHECKING:
     from mcserver.machine.clearance_section import Body
@@ -65,18 +66,50 @@ class FollowSection(msgspec.Struct, frozen=True):
     after: _Number = 0.0
 
 
-class Superimposed(msgspec.Struct, frozen=True):
-    """What an axis does for its leader besides what programs order, in SI.
+class ToolFollowSection(msgspec.Struct, frozen=True):
+    """``follow`` of a tool as written: it is superimposed, and its keys are those of `FollowSection`.
 
     Attributes:
-        low, high: from where to where, 0 between them. limits: within which.
+        direction: how the tip goes for each mm or deg of the leader, in the frame of the tool's poses [mm].
+    """
+
+    leader: int
+    tolerance: Positive
+    direction: tuple[_Number, _Number, _Number]
+    window: Annotated[list[_Number], Meta(min_length=2, max_length=2)]
+    source: Literal["setpoint", "encoder"] = "setpoint"
+    reserve: Annotated[float, Meta(ge=0.05, le=0.95)] = 0.5
+    latch: Annotated[int, Meta(ge=0)] | None = None
+    after: _Number = 0.0
+
+    @property
+    def along(self) -> FollowSection:
+        """The same along the direction, as of a linear axis."""
+        return FollowSection(
+            self.leader,
+            self.tolerance,
+            math.hypot(*self.direction),
+            source=self.source,
+            superimposed=True,
+            window=self.window,
+            reserve=self.reserve,
+            latch=self.latch,
+            after=self.after,
+        )
+
+
+class Superimposed(msgspec.Struct, frozen=True):
+    """What an axis, or a tool, does for its leader besides what programs order, in SI.
+
+    Attributes:
+        low, high: from where to where, 0 between them. reserve: share of limits that is kept for it.
         latch: column of the input that notes the leader's place; None: the place is that at G1060.
         after: way of the leader from that place to where it is followed.
     """
 
     low: float
     high: float
-    limits: Limits
+    reserve: float
     latch: int | None
     after: float
 
@@ -84,7 +117,8 @@ class Superimposed(msgspec.Struct, frozen=True):
 class Follow(msgspec.Struct, frozen=True):
     """The same in SI; a gear has no ``cam``, a cam no ratio. ``measured``: the leader's encoder counts.
 
-    ``superimposed``: None: programs do not move the axis while it follows.
+    ``superimposed``: None: programs do not move the axis while it follows. ``direction``: of a tool's tip, a
+    unit vector in the frame of its poses; (): an axis follows.
     """
 
     leader: int
@@ -94,39 +128,50 @@ class Follow(msgspec.Struct, frozen=True):
     repeats: bool
     measured: bool
     superimposed: Superimposed | None = None
+    direction: tuple[float, ...] = ()
 
 
 def check_followers(
     axes: Mapping[Path, Axis],
     sections: Mapping[Path, FollowSection | None],
     tools: Sequence[Tool],
+    carried: Mapping[int, tuple[Path, ToolFollowSection]],
     bodies: Sequence[Body | None],
     digital: Mapping[int, int],
     mistakes: Mistakes,
-) -> dict[int, Follow]:
-    """Return what axes follow, in SI, by their numbers; note those that cannot: MC094.
+) -> tuple[dict[int, Follow], dict[int, Follow]]:
+    """Return what axes follow, in SI, by their numbers, and what tools do; note those that cannot: MC094.
 
     Args:
-        axes, sections: by the paths of the axes' sections. digital: columns of digital inputs by number.
+        axes, sections: by the paths of the axes' sections. carried: those of tools, by number, with their
+            paths. digital: columns of digital inputs by number.
     """
     numbers = {axis.index: axis for axis in axes.values()}
-    following = {axes[path].index for path, section in sections.items() if section is not None}
+    # a tool follows with all its joints
+    joints = {index for tool in tools if tool.number in carried for index in tool.axes}
+    following = {axes[path].index for path, section in sections.items() if section is not None} | joints
     # of gantry pairs an axis may follow the leader, and none of the two follows
     seconds = {axis.index for axis in axes.values() if axis.gantry is not None}
     pairs = seconds | {axis.gantry.leader for axis in axes.values() if axis.gantry is not None}
+
+    def leader_of(path: Path, index: int) -> Axis | None:
+        leader = numbers.get(index)
+        if leader is not None and leader.index not in following | seconds:
+            return leader
+        mistakes.add(
+            (*path, "follow", "leader"),
+            f"axis {index} is not there, or follows another one itself",
+            "name an [[axis]] of this file that programs or others move",
+            "MC094",
+        )
+        return None
+
     found: dict[int, Follow] = {}
     for path, section in sections.items():
-        if section is None:
+        leader = None if section is None else leader_of(path, section.leader)
+        if section is None or leader is None:
             continue
-        axis, leader = axes[path], numbers.get(section.leader)
-        if leader is None or leader.index in following | seconds:
-            mistakes.add(
-                (*path, "follow", "leader"),
-                f"axis {section.leader} is not there, or follows another one itself",
-                "name an [[axis]] of this file that programs or others move",
-                "MC094",
-            )
-            continue
+        axis = axes[path]
         what = (
             _wrong_mechanics(axis, leader, section, tools, bodies)
             or _wrong_table(section)
@@ -137,42 +182,85 @@ def check_followers(
         if what is not None:
             mistakes.add((*path, "follow"), *what, "MC094")
             continue
-        mine, its = axis.type.si_per_unit, leader.type.si_per_unit
-        found[axis.index] = Follow(
-            leader.index,
-            section.tolerance * mine,
-            None if section.ratio is None else section.ratio * mine / its,
-            tuple(
-                (place * its, value * mine, slope * mine / its)
-                for place, value, slope in cam_points(section.cam or [], repeats=section.repeats)
-            ),
-            section.repeats,
-            section.source == "encoder",
-            _superimposed(section, axis, its, digital) if section.superimposed else None,
-        )
-    return found
+        found[axis.index] = _in_si(section, axis.type.si_per_unit, leader, digital)
+    tips: dict[int, Follow] = {}
+    for tool in tools:
+        path, given = carried.get(tool.number, ((), None))
+        leader = None if given is None else leader_of(path, given.leader)
+        if given is None or leader is None:
+            continue
+        moved = [numbers[index] for index in tool.axes if index in numbers]
+        what = _wrong_tool(tool, given, [each for each in tools if each is not tool], carried)
+        what = what or _wrong_shapers(moved, leader, given.source) or _wrong_window(given.along, digital)
+        if what is not None:
+            mistakes.add((*path, "follow"), *what, "MC094")
+            continue
+        follow = _in_si(given.along, MM, leader, digital)
+        length = math.hypot(*given.direction)
+        direction = tuple(each / length for each in given.direction)
+        tips[tool.number] = msgspec.structs.replace(follow, direction=direction)
+    return found, tips
 
 
-def _superimposed(section: FollowSection, axis: Axis, its: float, digital: Mapping[int, int]) -> Superimposed:
-    """Return the keys of a superimposed follower in SI; ``its``: SI of a mm or degree of the leader."""
-    mine, (low, high) = axis.type.si_per_unit, section.window or (0.0, 0.0)
-    limits = Limits(axis.max_velocity, axis.max_acceleration, axis.max_jerk).scaled(section.reserve)
-    latch = None if section.latch is None else digital[section.latch]
-    return Superimposed(low * mine, high * mine, limits, latch, section.after * its)
+def _in_si(section: FollowSection, mine: float, leader: Axis, digital: Mapping[int, int]) -> Follow:
+    """Return a section in SI; ``mine``: SI of a mm or degree of what follows."""
+    its, superimposed = leader.type.si_per_unit, None
+    if section.superimposed:
+        low, high = section.window or (0.0, 0.0)
+        latch = None if section.latch is None else digital[section.latch]
+        superimposed = Superimposed(low * mine, high * mine, section.reserve, latch, section.after * its)
+    return Follow(
+        leader.index,
+        section.tolerance * mine,
+        None if section.ratio is None else section.ratio * mine / its,
+        tuple(
+            (place * its, value * mine, slope * mine / its)
+            for place, value, slope in cam_points(section.cam or [], repeats=section.repeats)
+        ),
+        section.repeats,
+        section.source == "encoder",
+        superimposed,
+    )
+
+
+def _wrong_tool(
+    tool: Tool,
+    section: ToolFollowSection,
+    others: Sequence[Tool],
+    carried: Mapping[int, tuple[Path, ToolFollowSection]],
+) -> tuple[str, str] | None:
+    """Return why a tool cannot follow, and the remedy; None: it can."""
+    if not math.hypot(*section.direction) > 0.0:
+        return "its direction is 0 0 0", "give the mm along X Y Z that its tip goes for each of the leader"
+    beside = [each for each in others if set(each.axes) & set(tool.axes)]
+    if any(each.number in carried for each in beside):
+        return "another tool with follow has one of its joints", "let one of the two follow"
+    if beside and not tool.orientation:
+        # their tips would go another way as the joints turn
+        return "other tools have its joints, and it keeps no orientation", "set orientation = true for it"
+    return None
 
 
 def _wrong_mechanics(
     axis: Axis, leader: Axis, section: FollowSection, tools: Sequence[Tool], bodies: Sequence[Body | None]
 ) -> tuple[str, str] | None:
     """Return why an axis cannot follow, and the remedy; None: it can."""
-    ordered = section.source == "setpoint"
-    if axis.profiled or (leader.profiled and ordered):
+    if axis.profiled:
         return "a drive makes its profiles itself", 'use csp or ip for both: mode = "pp" goes to points'
     if axis.index in {each for tool in tools for each in tool.axes}:
         return "a [[tool]] names this axis", "how its tip moves would not be known beforehand"
     if any(body is not None and axis.index in body.carried_by for body in bodies):
         return "a [[body]] is carried by this axis", "where it is would not be known beforehand"
-    if ordered and (axis.shaper, axis.tool_shapers) != (leader.shaper, leader.tool_shapers):
+    return _wrong_shapers([axis], leader, section.source)
+
+
+def _wrong_shapers(axes: Sequence[Axis], leader: Axis, source: str) -> tuple[str, str] | None:
+    """Return that axes would come later or earlier than the leader that they follow, and the remedy."""
+    if source == "encoder":
+        return None
+    if leader.profiled:
+        return "the drive of its leader makes its profiles itself", "use csp or ip for it"
+    if any((axis.shaper, axis.tool_shapers) != (leader.shaper, leader.tool_shapers) for axis in axes):
         return "its shaper is not that of its leader", "give both the same one"
     return None
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import difflib
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -86,6 +86,8 @@ class Axis(msgspec.Struct, frozen=True):
     ``shaper``: of its setpoints; None: they are not shaped. ``tool_shapers``: instead, by tool.
     ``gantry``: it is the second drive of another axis; None: programs move it.
     ``follow``: the gear or cam by which it follows another axis once it is coupled; None: it cannot.
+    ``reserved``: what of the file's limits is kept from programs, since it, or a tool that it moves, may
+    follow another axis besides; None: nothing.
     ``compensation``: of its mechanics; with it, limits are what is left of the file's for programs.
     ``rollover``: how absolute words of ``cnc`` turn it within one turn (D-139); None: as written.
     ``pressure_advance``: of a printer's E; with it, limits are what is left of the file's for programs.
@@ -110,6 +112,7 @@ class Axis(msgspec.Struct, frozen=True):
     compensation: Compensation | None = None
     gantry: Gantry | None = None
     follow: Follow | None = None
+    reserved: Limits | None = None
     rollover: Rollover | None = None
     pressure_advance: PressureAdvance | None = None
 
@@ -236,17 +239,22 @@ class Machine(msgspec.Struct, frozen=True):
                 return column
         raise KeyError(index)
 
+    def mask_of(self, indices: Iterable[int]) -> int:
+        """Return the bit mask of axes' columns."""
+        return sum(1 << self.column_of(index) for index in indices)
 
-def _following(axis: Axis, follow: Follow) -> Axis:
-    """Return an axis that follows another one; of limits, programs get what a superimposed one leaves."""
+
+def _reserving(axis: Axis, follow: Follow) -> Axis:
+    """Return an axis of whose limits programs get what is left beside what it follows."""
+    if follow.superimposed is None:
+        return axis
     limits = Limits(axis.max_velocity, axis.max_acceleration, axis.max_jerk)
-    if follow.superimposed is not None:
-        own = follow.superimposed.limits
-        kept = (most - each if math.isfinite(most) else most for most, each in zip(limits, own, strict=True))
-        limits = Limits(*kept)
-    velocity, acceleration, jerk = limits
+    reserved = limits.scaled(follow.superimposed.reserve)
+    velocity, acceleration, jerk = (
+        most - each if math.isfinite(most) else most for most, each in zip(limits, reserved, strict=True)
+    )
     return msgspec.structs.replace(
-        axis, max_velocity=velocity, max_acceleration=acceleration, max_jerk=jerk, follow=follow
+        axis, max_velocity=velocity, max_acceleration=acceleration, max_jerk=jerk, reserved=reserved
     )
 
 
@@ -383,8 +391,24 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
         check_gantries(by_path, tools, bodies, mistakes)
         follow = {path[:-1]: file["axis"][path[1]].follow for path, _, _ in drives}
         columns = {each.number: column for column, each in enumerate(inputs) if each.digital}
-        for index, found in check_followers(by_path, follow, tools, bodies, columns, mistakes).items():
-            axes[index] = _following(axes[index], found)
+        carried = {
+            each.number: (("tool", position), each.follow)
+            for position, each in enumerate(file.get("tool") or ())
+            if each is not None and each.follow is not None
+        }
+        if carried and any(file.get(key) for key in ("clearance", "body", "zone")):
+            mistakes.add(
+                *(("tool",), "a tool with follow on a machine whose clearance is judged"),
+                "leave [clearance], [[body]] and [[zone]] out: where it is would not be known beforehand",
+                "MC094",
+            )
+        followers, tips = check_followers(by_path, follow, tools, carried, bodies, columns, mistakes)
+        for index, found in followers.items():
+            axes[index] = msgspec.structs.replace(_reserving(axes[index], found), follow=found)
+        tools = tuple(msgspec.structs.replace(tool, follow=tips.get(tool.number)) for tool in tools)
+        for tool in tools:
+            for index in tool.axes if tool.number in tips else ():
+                axes[index] = _reserving(axes[index], tips[tool.number])
         by_path = {path: axes[axis.index] for path, axis in by_path.items()}
         advances = {path: file["axis"][path[1]].pressure_advance for path in by_path}
         led = check_advance(by_path, advances, dialect, mistakes)

@@ -9,9 +9,10 @@ from pathlib import Path
 from mckinematics.solution_check import check_machine
 
 from mcserver.can.address import Transport, parse_address
-from mcserver.errors import Diagnostic
+from mcserver.errors import ConfigurationError, Diagnostic
 from mcserver.machine.drive import CanDrive
 from mcserver.machine.machine_file import Axis, Machine, axis_name
+from mcserver.machine.machine_kinematics import build_kinematics
 
 # Ratio of a follower's limits to those that its leader needs of it, for it to synchronize within its cycle.
 GEAR_SPARE = 1.3
@@ -94,12 +95,12 @@ def _doubts_of_torque(machine: Machine, axis: Axis) -> list[Diagnostic]:
 
 
 def find_tool_faults(machine: Machine) -> list[Diagnostic]:
-    """Return mismatches of the machine's tools, axes and URDF (MC301).
+    """Return mismatches of the machine's tools, axes and URDF (MC301, MC094).
 
     Errors: the machine cannot be used, or Pinocchio is not installed. Warnings: some motions of its tools
     will be refused.
     """
-    return [
+    faults = [
         Diagnostic(
             code=finding.code,
             severity=finding.severity,
@@ -110,6 +111,12 @@ def find_tool_faults(machine: Machine) -> list[Diagnostic]:
         )
         for finding in check_machine(machine)
     ]
+    if not any(each.severity == "error" for each in faults):
+        try:
+            build_kinematics(machine)
+        except ConfigurationError as error:
+            faults.append(Diagnostic(code=error.code, message=error.message, hint=error.hint))
+    return faults
 
 
 def _warning(code: str, axis: Axis, message: str, hint: str) -> Diagnostic:

@@ -18,7 +18,7 @@ from mcserver.machine.compensation_section import CompensationSection
 from mcserver.machine.constraints import Limit, NotNegative, Positive
 from mcserver.machine.drive import Drive
 from mcserver.machine.families import AnyDrive
-from mcserver.machine.follow_section import FollowSection
+from mcserver.machine.follow_section import FollowSection, ToolFollowSection
 from mcserver.machine.gantry_section import GantrySection
 from mcserver.machine.homing_section import HomingSection, ProbeSection
 from mcserver.machine.io_section import InputSection, OutputSection
@@ -139,6 +139,7 @@ class ToolSection(msgspec.Struct, frozen=True):
     Attributes:
         posture: preferred positions of its axes, if a pose has several solutions [mm, deg].
         work: frame of its poses, such as a rotary table; the chain goes from it to ``frame``.
+        follow: the axis that its tip can follow, such as a conveyor.
     """
 
     number: Annotated[int, Meta(ge=0, description="number each tool once, from 0")]
@@ -150,6 +151,7 @@ class ToolSection(msgspec.Struct, frozen=True):
     payload: PayloadSection | None = None
     posture: list[float] | None = None
     work: str | None = None
+    follow: ToolFollowSection | None = None
 
 
 class BusSection(msgspec.Struct, frozen=True):

@@ -147,7 +147,7 @@ class Shaping(msgspec.Struct, frozen=True):
         led = [axis.pressure_advance for axis in axes if axis.pressure_advance is not None]
         # the smoothing of the flow is centred on the delayed path
         means += [float(each.half(cycle_s)) for each in led]
-        if not means and not any(axis.superimposed for axis in axes):
+        if not means and not any(axis.reserved for axis in axes):
             return None
         # whole cycles, so that axes without a shaper are delayed exactly
         delay = math.ceil(max(means, default=0.0) - 1e-9)

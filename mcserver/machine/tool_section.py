@@ -6,6 +6,7 @@ from collections.abc import Container, Iterable, Mapping
 
 import msgspec
 
+from mcserver.machine.follow_section import Follow
 from mcserver.machine.section_reader import Mistakes
 from mcserver.machine.sections import PayloadSection, ToolSection
 from mcserver.units import MM
@@ -25,7 +26,7 @@ class Tool(msgspec.Struct, frozen=True):
     """One end effector.
 
     ``offset`` is in m in the frame's own axes, ``posture`` of its axes in rad or m, ``work`` the frame in
-    which its poses are, None: the URDF's base.
+    which its poses are, None: the URDF's base, ``follow`` what its tip can go along with, None: nothing.
     """
 
     number: int
@@ -37,6 +38,7 @@ class Tool(msgspec.Struct, frozen=True):
     payload: Payload | None = None
     posture: tuple[float, ...] | None = None
     work: str | None = None
+    follow: Follow | None = None
 
 
 def read_tools(

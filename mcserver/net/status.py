@@ -153,7 +153,7 @@ def axes_at_rest(service: MachineService) -> set[int]:
 
     One that may follow a conveyor goes on with it.
     """
-    going_on = {axis.index for axis in service.machine.axes if axis.superimposed is not None}
+    going_on = {axis.index for axis in service.machine.axes if axis.reserved is not None}
     held = [each for each in service.current() if each.held and each.slot is not None]
     slots = service.port.slots() if held else []
     return {

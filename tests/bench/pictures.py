@@ -19,6 +19,9 @@ from tests.bench.servo_streams import CAPTURE
 from tests.executor.test_compensation import BACKLASH, Told, load_of
 from tests.executor.test_superimposed import BELT, Picker
 from tests.executor.test_superimposed import machine as conveyor_machine
+from tests.executor.test_tool_conveyor import Worker
+from tests.executor.test_tool_conveyor import begun as coupled
+from tests.executor.test_tool_conveyor import machine as arm_beside_belt
 from tests.executor.threading_rig import SPINDLE, Turned, lathe
 
 mpl.use("Agg")
@@ -155,6 +158,35 @@ def conveyor() -> Figure:
     return figure
 
 
+def arm_conveyor() -> Figure:
+    """A shape drawn by an arm on a belt that moves, and what of their limits its joints use."""
+    drawn = "G1 X500 Y-150\nG3 X500 Y-110 I0 J20\nG1 X440 Y-110\nG1 X440 Y-150\nG1 X460 Y-150\n"
+    made = arm_beside_belt(**{"-150.0, 250.0": "-50.0, 400.0"})
+    cell = Worker(made, f"{coupled(600.0, -150.0)}{drawn}G1061\nM2")
+    cell.play()
+    tip, piece = cell.tip(cell.rows)[0] / MM, cell.tip(cell.ordered)[0] / MM
+    (moving,) = np.nonzero(np.abs(np.diff(piece[:, 0])) + np.abs(np.diff(piece[:, 1])))
+    shown = slice(int(moving[moving > cell.following.start][0]), cell.following.stop)
+    figure, (plan, time) = pyplot.subplots(1, 2, figsize=(11.0, 4.2), layout="constrained")
+    plan.plot(tip[shown, 1], tip[shown, 0], color="tab:red", label="the tip")
+    on_belt = tip[shown, 1] - (cell.belt[shown] - cell.belt[shown.start]) / MM
+    plan.plot(on_belt, tip[shown, 0], color="tab:blue", label="on the belt")
+    plan.set_xlabel("Y, along the belt [mm]")
+    plan.set_ylabel("X [mm]")
+    plan.set_aspect("equal")
+    plan.legend(fontsize=9)
+    speeds = np.diff(np.array(cell.rows)[:, :6], axis=0) / 1e-3 / cell.whole[0]
+    seconds = np.arange(len(speeds)) * 1e-3
+    for joint in range(6):
+        time.plot(seconds, speeds[:, joint], linewidth=1.0, label=f"joint {joint + 1}")
+    time.set_xlim(seconds[cell.following.start] - 0.3, seconds[-1])
+    time.set_ylim(-0.25, 0.25)
+    time.set_xlabel("time [s]")
+    time.set_ylabel("velocity, share of the joint's limit")
+    time.legend(fontsize=8, ncols=3)
+    return figure
+
+
 def target_at(cycle: int) -> float | None:
     """Return the target of a cycle [mm]; None: nothing is sent."""
     if cycle % PERIOD or cycle >= SILENCE:
@@ -210,7 +242,7 @@ def servo() -> Figure:
 
 def main(name: str, path: str) -> None:
     """Draw one of them."""
-    figures = (servo, shaping, backlash, threading, conveyor)
+    figures = (servo, shaping, backlash, threading, conveyor, arm_conveyor)
     figure = {each.__name__: each for each in figures}[name]()
     for panel in figure.axes:
         if name != "backlash":

@@ -19,7 +19,8 @@ from mcserver.executor.leading_curves import Cam
 from mcserver.executor.shm.feedback import SlotState
 from mcserver.gcode.program_check import check_program
 from mcserver.machine.follow_section import cam_points
-from mcserver.machine.machine_file import parse_machine
+from mcserver.machine.machine_file import builtin_text, parse_machine
+from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.machine.plausibility import find_doubts
 from mcserver.machine.section_reader import MachineFileRejected
 from mcserver.motion.canonical import AxisOperation
@@ -371,11 +372,14 @@ def test_an_approved_run_whose_follower_cannot_keep_up_by_its_own_limits_does_no
 
 def test_the_pairs_of_the_page_work_as_written() -> None:
     page = (Path(__file__).parents[2] / "docs" / "couplings.md").read_text("utf-8")
-    described, belt = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
-    program, pick = re.findall(r"```gcode\n(.*?)```", page, re.DOTALL)
+    described, belt, arm = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    program, pick, draw = re.findall(r"```gcode\n(.*?)```", page, re.DOTALL)
     machine, picker = parse_machine(described), parse_machine(belt)
     assert find_doubts(machine) == find_doubts(picker) == []
     assert check_program(f"G1010\n{pick}M2", picker) == []
+    given = f'{axes_text((9,))}[[input]]\nnumber = 4\nname = "eye"\n'
+    robot = parse_machine(builtin_text("arm6").replace("[[axis]]", f"{arm}\n[[axis]]", 1) + given)
+    assert check_program(f"G1010\n{draw}M2", robot, kinematics=build_kinematics(robot)) == []
     report = simulate(program, machine).report
     assert (report["ok"], report["diagnostics"]) == (True, [])
     assert report["axes"]["3"]["max"] == pytest.approx(36.0 * 400.0, abs=0.01)

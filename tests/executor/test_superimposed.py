@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mcserver.drives.bus import Feedback, Setpoints
+from mcserver.drives.simulated import SimulatedBus
 from mcserver.executor.entries import Array
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.gcode.program_check import check_program
@@ -28,12 +32,23 @@ BELT = "G1010\nG1030 [5]360\nG04 P0.3\nG90 G94 F6000\n"
 SHAPE = "G1 X25 Y10\nG2 X45 Y10 I10 J0\nG0 X45 Y30\nG1 X10 Y0\n"
 
 
-def machine(more: str = "", keys: str = "", inputs: str = "", window: float = 400.0) -> Machine:
-    """X follows the belt [5] besides; Y and [3] are as any other."""
-    bed = axes_text((0,), keys=f"max_jerk = 40000.0\nmin_position = -50.0\nmax_position = 700.0\n{keys}")
+def machine(
+    more: str = "",
+    keys: str = "",
+    inputs: str = "",
+    window: float = 400.0,
+    drive: str = "ideal",
+    belt: str | None = None,
+) -> Machine:
+    """X follows the belt [5] besides; Y and [3] are as any other. ``belt``: its keys, and it is ordered."""
+    bed = axes_text(
+        (0,), drive=drive, keys=f"max_jerk = 40000.0\nmin_position = -50.0\nmax_position = 700.0\n{keys}"
+    )
     besides = BESIDES.replace("MORE", more).replace("400.0", f"{window}")
     bed = bed.replace("[axis.drive]", f"{besides}\n[axis.drive]")
-    belt = axes_text(
+    if belt is not None:
+        bed = bed.replace("'encoder'", "'setpoint'")
+    led = axes_text(
         (5,),
         velocity=400.0,
         acceleration=2000.0,
@@ -41,9 +56,11 @@ def machine(more: str = "", keys: str = "", inputs: str = "", window: float = 40
         drive_keys="encoder_resolution = 0.005",
         keys="max_following_error = 1e6",
     )
+    if belt is not None:
+        led = axes_text((5,), velocity=60.0, acceleration=200.0, keys=f"max_jerk = 2000.0\n{belt}")
     others = axes_text((1, 3), keys="max_jerk = 40000.0")
     head = '[machine]\nname = "picker"\n[motion]\npath_tolerance_mm = 0.2\n'
-    return parse_machine(f"{head}{bed}{others}{belt}{inputs}")
+    return parse_machine(f"{head}{bed}{others}{led}{inputs}")
 
 
 MACHINE = machine()
@@ -64,7 +81,7 @@ class Picker(Coupled):
         for name in ("velocity", "acceleration", "jerk")[: 3 if jerk else 2]:
             found = []
             for axis in (self.machine.axes[n] for n in kept):
-                besides = 0.0 if axis.superimposed is None else getattr(axis.superimposed.limits, name)
+                besides = 0.0 if axis.reserved is None else getattr(axis.reserved, name)
                 found.append(getattr(axis, f"max_{name}") + besides)
             limits.append(found)
         return broken_limits(np.array(self.rows)[:, kept], limits)
@@ -72,10 +89,10 @@ class Picker(Coupled):
 
 def test_a_share_of_the_limits_is_kept_from_programs() -> None:
     axis = MACHINE.axes[0]
-    assert axis.superimposed is not None
+    assert axis.reserved is not None
     assert axis.max_velocity == pytest.approx(0.6 * 200.0 * MM)
     assert axis.max_jerk == pytest.approx(0.6 * 40_000.0 * MM)
-    assert axis.superimposed.limits.acceleration == pytest.approx(0.4 * 2000.0 * MM)
+    assert axis.reserved.acceleration == pytest.approx(0.4 * 2000.0 * MM)
 
 
 def test_a_program_draws_the_same_shape_on_a_belt_that_moves() -> None:
@@ -142,6 +159,52 @@ def test_whatever_the_belt_does_the_axis_keeps_its_limits(
     )
     assert cell.broken() == []
     assert set(cell.faults) <= {FaultCode.OUT_OF_STEP, FaultCode.WINDOW_LEFT}
+
+
+def test_a_stalled_cycle_leaves_the_axis_where_its_drive_stands() -> None:
+    cell = Picker(MACHINE, f"{BELT}G1060 P0\n{SHAPE}G1061\nM2")
+    cell.play({900: lambda each: each.executor.miss(100)})
+    assert cell.faults[0] == FaultCode.CYCLE_STALLED
+    assert cell.setpoints(0)[-1] == cell.setpoints(0)[899] != 0.0
+    executor = cell.executor.executor
+    assert executor.bank.shaper is not None
+    assert not executor.bank.shaper.added.any()
+    assert executor.row.ordered[0] == executor.row.setpoint[0]
+
+
+@pytest.mark.parametrize("keys", ["", 'shaper = { type = "ei", frequency_hz = 40.0 }'])
+def test_a_leader_that_is_ordered_is_followed_with_its_shaper(keys: str) -> None:
+    made = machine(keys=keys, belt=keys)
+    cell = Picker(made, "G1010\nG1060 P0\nG1020 [5]60\nG04 P2\nG1061\nM2").play()
+    assert cell.faults == []
+    beside = cell.setpoints(0) - cell.setpoints(5)
+    assert np.abs(beside[:1900]).max() < 0.001 * MM
+
+
+def delay_feedback(monkeypatch: pytest.MonkeyPatch, cycles: int) -> None:
+    """Let what simulated drives show be that many cycles behind, as on a bus."""
+    exchange, shown = SimulatedBus.exchange, deque[Feedback](maxlen=cycles + 1)
+
+    def late(bus: SimulatedBus, setpoints: Setpoints) -> Feedback:
+        now = exchange(bus, setpoints)
+        shown.append(replace(now, position=now.position.copy(), velocity=now.velocity.copy()))
+        return replace(now, position=shown[0].position, velocity=shown[0].velocity)
+
+    monkeypatch.setattr(SimulatedBus, "exchange", late)
+    monkeypatch.setattr(SimulatedBus, "delay_cycles", cycles)
+
+
+@pytest.mark.parametrize("delay", [0, 2])
+def test_axes_come_to_an_exact_stop_on_a_belt_that_moves(delay: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    delay_feedback(monkeypatch, delay)
+    bed = machine(drive="simulated")
+    cell = Picker(bed, f"{BELT}G1060 P0\nG1 X10\nG0 X20\nG91\nG0 X5\nG0 X5\nG90\nG1061\nM2").play()
+    assert cell.faults == []
+    assert len(cell.rows) < 2500
+    beside = cell.setpoints(0) - cell.offsets
+    places, cycles = np.unique(np.round(beside[300:] / (0.01 * MM)), return_counts=True)
+    # increments are those of the program, however far an encoder is behind
+    assert np.diff(places[cycles > 20]).tolist() == pytest.approx([1000.0, 500.0, 500.0], abs=1.5)
 
 
 def test_an_axis_whose_drive_fails_has_no_offset_left() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import msgspec
 
 from mcserver.gcode.line_faults import FaultList
@@ -27,8 +29,9 @@ from mcserver.gcode.semantics.moves import arc, line, rapid, transmit_speed, tra
 from mcserver.gcode.semantics.tilted_planes import check_plane
 from mcserver.gcode.semantics.tip_moves import refuse_beside_tip, tip_feed_move, tip_rapid
 from mcserver.gcode.semantics.tool_moves import tool_feed_move, tool_rapid
+from mcserver.gcode.semantics.tool_window import check_window
 from mcserver.gcode.text.command_table import Kind
-from mcserver.gcode.text.profile_words import ProfileWord, ProfileWords
+from mcserver.gcode.text.profile_words import Action, ProfileWord, ProfileWords
 from mcserver.gcode.text.syntax import Command, Group, Setting
 from mcserver.gcode.text.words import MAX_AXIS, Word
 from mcserver.motion import canonical
@@ -38,11 +41,12 @@ from mcserver.motion.canonical import (
     Canonical,
     DwellGroup,
     EndLine,
+    FeedGroup,
     MotionLine,
     PauseLine,
     RapidGroup,
 )
-from mcserver.motion.geometry.curves import LineCurve
+from mcserver.motion.geometry.curves import Curve, LineCurve
 
 
 class BlockInterpreter:
@@ -155,7 +159,7 @@ class BlockInterpreter:
         if feed_moves and len(feed_moves) == self._feed_commands:
             found = feed_group(self.block, feed_moves)
             if found is not None:
-                check_holding(self.block, feed_moves[0].command, found.curves, start)
+                self._check_path(feed_moves[0].command, found.curves, start)
                 self.groups.insert(position, found)
 
     def _command(self, command: Command, feed_moves: list[FeedMove]) -> None:
@@ -183,6 +187,12 @@ class BlockInterpreter:
     @property
     def _moving(self) -> bool:
         return bool(self.block.moved or self.after)
+
+    def _check_path(
+        self, command: Command | Action, curves: Sequence[Curve], start: Mapping[int, float]
+    ) -> None:
+        check_holding(self.block, command, curves, start)
+        check_window(self.block, command, curves, start)
 
     def _settings(self, command: Command) -> None:
         for item in command.items:
@@ -229,12 +239,8 @@ class BlockInterpreter:
                 group = tool_rapid(block, command, words)
             else:
                 group = rapid(block, command, words, wait=True)
-            if isinstance(group, RapidGroup):
-                begin = tuple(start[axis] for axis in group.axes)
-                check_holding(block, command, [LineCurve(group.axes, begin, group.targets)], start)
-            elif group is not None:
-                check_holding(block, command, group.curves, start)
             if group is not None:
+                self._check_path(command, _curves_of(group, start), start)
                 self.groups.append(group)
             return
         if by_tip:
@@ -323,7 +329,10 @@ class BlockInterpreter:
             return
         group: canonical.Group | None
         if number == 1020:
+            start = block.commanded.path_starts()
             group = rapid(block, command, words, wait=False)
+            if group is not None:
+                check_window(block, command, _curves_of(group, start), start)
         elif number == 1030:
             group = transmit_speed(block, command, words)
         else:
@@ -353,14 +362,10 @@ class BlockInterpreter:
         word = command.word("P")
         coupled = dict(block.modal.coupled)
         if word is None and operation is AxisOperation.COUPLE:
-            block.faults.add(
-                "MC118",
-                "G1060 has no P: it does not say which axis",
-                block.span(command),
-                "name it: G1060 P3",
-            )
-            return
-        if word is None:
+            axes = self._joints_to_couple(command, coupled)
+            if not axes:
+                return
+        elif word is None:
             axes = tuple(sorted(block.setup.leased))
             if operation is AxisOperation.UNCOUPLE:
                 axes = tuple(sorted(coupled))
@@ -387,15 +392,53 @@ class BlockInterpreter:
                 block.faults.add("MC346", f"axis {index} {what}", block.span(word), hint, axis=index)
                 return
             axes = (index,)
+        together = set(axes)
         if operation is AxisOperation.COUPLE:
-            coupled[axes[0]] = block.parsed.number
+            coupled.update(dict.fromkeys(axes, block.parsed.number))
         elif operation is not AxisOperation.CAPTURE:
-            coupled = {axis: line for axis, line in coupled.items() if axis not in axes}
+            for tool in block.setup.machine.tools:
+                # a tool is let go with all its joints
+                if tool.follow is not None and not together.isdisjoint(coupled.keys() & set(tool.axes)):
+                    together.update(tool.axes)
+            coupled = {axis: line for axis, line in coupled.items() if axis not in together}
         block.change(coupled=tuple(coupled.items()))
         if not axes:
             return
-        block.commanded.invalidate(axes)
+        block.commanded.invalidate(together)
+        if operation is AxisOperation.UNCOUPLE:
+            axes = tuple(sorted(together))
         self._add(AxisLine(block.parsed.number, operation, axes))
+
+    def _joints_to_couple(self, command: Command, coupled: Mapping[int, int]) -> tuple[int, ...]:
+        """Return the axes of the tool in force, which G1060 without P names; none after a fault."""
+        block = self.block
+        number = block.modal.tool
+        tool = next((each for each in block.setup.machine.tools if each.number == number), None)
+        if tool is None:
+            if number != ASSUMED_TOOL:
+                block.faults.add(
+                    "MC118",
+                    "G1060 has no P, and no tool is in force: it does not say what follows",
+                    block.span(command),
+                    "name the axis, such as G1060 P3, or choose the tool before it",
+                )
+            return ()
+        following = not coupled.keys().isdisjoint(tool.axes)
+        if following or tool.follow is None:
+            what = "follows already" if following else "has no [tool.follow] in the machine file"
+            hint = "G1061 ends it" if following else "say there what it follows, and how"
+            block.faults.add("MC346", f"T{number} {what}", block.span(command), hint, tool=number)
+            return ()
+        usable = [block.usable_axis(axis, command) is not None for axis in tool.axes]
+        return tool.axes if all(usable) else ()
+
+
+def _curves_of(group: RapidGroup | FeedGroup, start: Mapping[int, float]) -> Sequence[Curve]:
+    """Return the curves of G00, of axes that go by themselves the line; ``start``: positions before it."""
+    if isinstance(group, FeedGroup):
+        return group.curves
+    begin = tuple(start[axis] for axis in group.axes)
+    return [LineCurve(group.axes, begin, group.targets)]
 
 
 def faults_of(block: BlockState) -> FaultList:

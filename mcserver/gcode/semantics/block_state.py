@@ -212,12 +212,14 @@ class BlockState:
                 axis=index,
             )
             return None
-        besides = self.superimposed(index)
+        # of a tool that follows, its joints
+        besides = axis.reserved is not None
         since = dict(self.modal.coupled).get(index)
         if since is not None and not (coupled or (along and besides)):
+            what = "moves a tool that follows another axis" if axis.follow is None else "follows another one"
             self.faults.add(
                 "MC345",
-                f"axis {index} follows another one since line {since}: "
+                f"axis {index} {what} since line {since}: "
                 f"{'only G0 to G3 and G1020 move it besides' if besides else 'nothing else moves it'}",
                 self.span(source),
                 f"uncouple it before: G1061 P{index}",

@@ -16,6 +16,7 @@ from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.feed_time import FeedBasis, FeedMove
 from mcserver.gcode.semantics.program_units import angle, length_scale, millimetres
 from mcserver.gcode.semantics.tool_pose import commanded_pose, start_pose, with_words
+from mcserver.gcode.text.profile_words import Action
 from mcserver.gcode.text.syntax import Command
 from mcserver.motion.canonical import RapidGroup
 from mcserver.motion.geometry.curves import LineCurve, SampledCurve
@@ -102,7 +103,7 @@ def _read_poses(block: BlockState, command: Command, words: Words) -> Found | No
         return None
     usable = True
     for axis in setup.chains[tool]:
-        usable = block.usable_axis(axis, command) is not None and usable
+        usable = block.usable_axis(axis, command, along=True) is not None and usable
     if not kinematics.has_orientation(tool):
         for entry in words.axes:
             if entry.word.axis > 2:
@@ -193,7 +194,7 @@ def _recover(block: BlockState, tool: int, end: Pose) -> None:
     _arrive(block, tool, end, tuple(joints))
 
 
-def report_unsolved(block: BlockState, command: Command, tool: int, error: KinematicsError) -> None:
+def report_unsolved(block: BlockState, command: Command | Action, tool: int, error: KinematicsError) -> None:
     """Report why a path of a tool has no solution."""
     block.faults.add(
         error.code,

@@ -162,11 +162,11 @@ COMMANDS: tuple[CommandSpec, ...] = (
     ),
     CommandSpec(
         "G1060",
-        "couple an axis to the one that it follows",
+        "couple an axis, or the tool in force, to the axis that it follows",
         Kind.AXIS,
         "P",
         False,
-        ("D-130",),
+        ("D-130", "D-145"),
         "G1060 P3",
         AxisOperation.COUPLE,
     ),
