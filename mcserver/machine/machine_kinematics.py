@@ -17,8 +17,8 @@ def build_kinematics(machine: Machine) -> MachineKinematics | None:
     """Return the tools' kinematics; None without tools.
 
     Raises:
-        ConfigurationError: MC301 the URDF contradicts a tool's definition, or Pinocchio is not installed; MC094
-            a tool with follow has redundant joints, or a work frame that its joints move.
+        ConfigurationError: MC301 the URDF contradicts a tool's definition, or Pinocchio is not installed;
+            MC094 a tool with follow has redundant joints, or a work frame that its joints move.
     """
     if not machine.tools:
         return None
