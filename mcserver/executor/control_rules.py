@@ -62,6 +62,7 @@ _GOING_ON = (
     ControlKind.AXIS,
     ControlKind.SETTLE,
     ControlKind.FINISH,
+    ControlKind.MESH,
 )
 
 
@@ -530,7 +531,7 @@ def _advance(slot: ProgramSlot, control: Control, _left: float, _waited: bool) -
     return None
 
 
-def _mesh(slot: ProgramSlot, control: Control, _left: float, _waited: bool) -> Barrier | None:
+def _mesh(slot: ProgramSlot, control: Control, left: float, _waited: bool) -> Barrier | None:
     cycle, use = slot.cycle, MeshUse(control.operation)
     _check_lease(slot, control.axes)
     _refuse(slot, control.axes & cycle.motions.mask, FaultCode.AXIS_BUSY)
@@ -540,7 +541,9 @@ def _mesh(slot: ProgramSlot, control: Control, _left: float, _waited: bool) -> B
         cycle.bed.take()
     else:
         cycle.bed.switch(on=use is MeshUse.ON)
-    return None
+    reported = cycle.emit(EventKind.MESHED, slot.index, control.line, left, token=int(use))
+    # a start in the midst of a program goes by it: it is reported again as soon as there is room
+    return None if reported else NextCycle(cycle)
 
 
 def _passed(slot: ProgramSlot, control: Control, left: float, _waited: bool) -> Barrier | None:

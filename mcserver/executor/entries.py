@@ -126,6 +126,7 @@ class EventKind(enum.IntEnum):
     INPUT = 10  # M66 has read an input
     PASSED = 24  # every line through ``line`` has ended
     INPUT_WAIT = 25  # M66 begins to wait for an input
+    MESHED = 26  # the mesh of the bed counts otherwise: ``token`` is a `MeshUse`
 
 
 class ExecutorEvent(msgspec.Struct, frozen=True, gc=False):
@@ -138,9 +139,9 @@ class ExecutorEvent(msgspec.Struct, frozen=True, gc=False):
         time: executor time [s], not rounded to the cycle.
         code: for FAULT: the stable code (number behind MC).
         axis: for FAULT: axis number, else -1.
-        token: for SETTLED, HOMING and PROBED; for INPUT and INPUT_WAIT: column of the input; for PAUSED: mask
-            of the columns that others may move until it is confirmed; of a FAULT before a switched zone: 1 if
-            it moved; of STOPPED: 1 within a thread.
+        token: for SETTLED, HOMING, PROBED and MESHED; for INPUT and INPUT_WAIT: column of the input; for
+            PAUSED: mask of the columns that others may move until it is confirmed; of a FAULT before a
+            switched zone: 1 if it moved; of STOPPED: 1 within a thread.
         values: for SETTLED: (setpoints (K,), encoder positions (K,)); for FAULT: (value, limit); for INPUT:
             (value, seconds that were waited).
     """

@@ -362,6 +362,16 @@ class MeshUse(enum.IntEnum):
     ON = 1
     MET = 2  # it is what was probed, and counts
 
+    def behind(self, held: frozenset[MeshUse]) -> frozenset[MeshUse]:
+        """Return what holds behind it: ON or OFF, and MET where the mesh has been probed at all."""
+        if self is MeshUse.OFF:
+            return held - {MeshUse.ON} | {self}
+        return held - {MeshUse.OFF} | {MeshUse.ON, self}
+
+
+# what holds until a program says otherwise: the mesh of the machine file
+MESH_OF_FILE = frozenset({MeshUse.ON})
+
 
 class MeshLine(msgspec.Struct, frozen=True):
     """The mesh of the bed counts otherwise behind it; ``axes``: that it is of, and lies over."""

@@ -18,6 +18,7 @@ from mcserver.gcode.text.words import AXIS_LETTERS
 from mcserver.machine.dialect_section import CodeWait, Cutter
 from mcserver.machine.machine_file import Machine
 from mcserver.machine.work_systems import ANGLE, SYSTEM_NUMBERS
+from mcserver.motion.canonical import MESH_OF_FILE, MeshUse
 from mcserver.units import DEGREE, MM
 
 
@@ -53,6 +54,7 @@ class StartState(msgspec.Struct, frozen=True):
         pauses: of a program that began so and was recorded: what others changed at its pauses, in order.
         switches: of the operator.
         tool: in the spindle of a machine whose shapers go by it; 0: none, or nobody has said.
+        mesh: what holds of the mesh of the bed.
         machine_file, cutters: of a program that began so and was recorded: digest of the machine file
             (`machine_digest`), and the tool table in it.
     """
@@ -68,6 +70,7 @@ class StartState(msgspec.Struct, frozen=True):
     pauses: tuple[PauseEnd, ...] = ()
     switches: Switches = AS_WRITTEN
     tool: int = 0
+    mesh: frozenset[MeshUse] = MESH_OF_FILE
     machine_file: str = ""
     cutters: Mapping[int, Cutter] = {}
 
@@ -113,7 +116,7 @@ class StateBefore(msgspec.Struct, frozen=True):
             0 where it was stopped [m/s or rad/s]. torques: of axes under G1040 [N·m].
         outputs: values by column. scaled: columns of lasers whose power goes with the speed.
         ended: an M02 or M30 stands before the line. awaited: in the order of the program.
-        threads: lines whose axes followed the spindle.
+        threads: lines whose axes followed the spindle. mesh: what held of the mesh of the bed.
     """
 
     modal: ModalState
@@ -127,6 +130,7 @@ class StateBefore(msgspec.Struct, frozen=True):
     scaled: frozenset[int] = frozenset()
     awaited: tuple[Awaited, ...] = ()
     threads: frozenset[int] = frozenset()
+    mesh: frozenset[MeshUse] = MESH_OF_FILE
 
 
 def changes_between(
@@ -166,6 +170,8 @@ def changes_between(
         found.append("the modal state that it starts with is another one")
     if before.tool != now.tool:
         found.append(f"tool {before.tool} was in the spindle, and tool {now.tool} is")
+    if before.mesh != now.mesh:
+        found.append("another mesh of the bed counts")
     for column, (channel, then_value, value) in enumerate(
         zip(machine.inputs, before.inputs, now.inputs, strict=True)
     ):

@@ -24,6 +24,7 @@ from mcserver.motion.canonical import (
     Canonical,
     DwellGroup,
     Group,
+    MeshLine,
     MotionLine,
     OutputLine,
     PathBatch,
@@ -74,6 +75,7 @@ class _Effects:
         self.outputs = dict(enumerate(origin.outputs))
         self.scaled: set[int] = set()
         self.threads: set[int] = set()
+        self.mesh = origin.mesh
         # by the code that waited; waits without an output or spindle are under ""
         self.awaited: dict[str, Awaited] = {}
 
@@ -111,6 +113,8 @@ class _Effects:
                 self._group(group, incremental=incremental)
         elif isinstance(value, ProbeLine):
             self._lose(value.axes)
+        elif isinstance(value, MeshLine):
+            self.mesh = value.use.behind(self.mesh)
         elif isinstance(value, ThreadLine):
             self.threads.add(value.line)
             self._place(value.axes, incremental=incremental)
@@ -260,6 +264,7 @@ def state_before(
         ended=interpreter.ended,
         awaited=tuple(effects.awaited.values()),
         threads=frozenset(effects.threads),
+        mesh=effects.mesh,
     )
 
 

@@ -12,6 +12,7 @@ from mcserver.errors import ServiceError
 from mcserver.gcode.semantics.program_units import motor_rpm
 from mcserver.machine.machine_file import Axis, Machine, axis_name
 from mcserver.machine.recovery_section import Recovery
+from mcserver.motion.canonical import MeshUse
 from mcserver.planning.start_state import Awaited, StartState, StateBefore
 
 # Share of an axis's velocity where the machine file gives none.
@@ -344,6 +345,11 @@ def _needs(
         names = ", ".join(machine.outputs[column].name for column in sorted(state.scaled))
         message = f"before this line M4 scales {names} with the speed, which no start in its midst sets up"
         needs.append(Need("MC593", message, "choose the line with the M4, or the one behind the M5"))
+    if not state.mesh <= now.mesh:
+        missing = max(state.mesh - now.mesh)
+        line = {MeshUse.OFF: "M420 S0", MeshUse.ON: "M420 S1", MeshUse.MET: "G29"}[missing]
+        message = "another mesh of the bed counts than at this line of the program"
+        needs.append(Need("MC594", message, f"bring it back first: mcctl send '{line}'"))
     if state.ended:
         needs.append(Need("MC517", "the program has ended before this line", "choose an earlier line"))
     return needs
@@ -353,7 +359,7 @@ def refuse_needs(approach: Approach, *, way: bool, outputs: Outputs | None) -> N
     """Refuse what nobody has confirmed yet.
 
     Raises:
-        ServiceError: MC450, MC517, MC592, MC593.
+        ServiceError: MC450, MC517, MC592, MC593, MC594.
     """
     for need in approach.needs:
         if need.confirm == "way" and way:

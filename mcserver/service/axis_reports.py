@@ -7,6 +7,7 @@ from types import MappingProxyType
 
 from mcserver.executor.entries import EventKind, ExecutorEvent, HomingPhase
 from mcserver.machine.machine_file import Axis
+from mcserver.motion.canonical import MESH_OF_FILE, MeshUse
 from mcserver.service.event_log import EventLog
 from mcserver.service.references import References
 from mcserver.service.reports import ProbeStatus
@@ -39,6 +40,7 @@ class AxisReports:
     Attributes:
         probe: how the last probing move ended; None: there was no such move.
         offsets: of axes that have got a reference at this start, position less encoder reading [m or rad].
+        mesh: what holds of the mesh of the bed.
     """
 
     def __init__(self, axes: Sequence[Axis], references: References, events: EventLog) -> None:
@@ -47,6 +49,7 @@ class AxisReports:
         self._events = events
         self.probe: ProbeStatus | None = None
         self.offsets: dict[int, float] = {}
+        self.mesh = MESH_OF_FILE
 
     def handle(self, event: ExecutorEvent, program: str | None) -> bool:
         """Take an event of an axis by itself; False where it is of another kind.
@@ -56,6 +59,8 @@ class AxisReports:
         """
         if event.kind is EventKind.PROBED:
             self._probed(event, program)
+        elif event.kind is EventKind.MESHED:
+            self.mesh = MeshUse(event.token).behind(self.mesh)
         elif event.kind is EventKind.HOMING:
             phase = PHASES[HomingPhase(event.token)]
             self._events.publish("axis.homing", message=phase, axis=event.axis, program=program)

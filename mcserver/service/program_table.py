@@ -136,7 +136,8 @@ class ProgramTable:
     def start_state(self, modal: ModalState | None = None, switches: Switches = AS_WRITTEN) -> StartState:
         """Return what a program that begins now starts from."""
         frame, tool = self.offsets.frame(), self.offsets.tool
-        return start_state(self._machine, self.port.snapshot(), frame, modal, switches, tool)
+        found = start_state(self._machine, self.port.snapshot(), frame, modal, switches, tool)
+        return msgspec.structs.replace(found, mesh=self.axis_reports.mesh)
 
     def _origin(self, switches: Switches) -> StartState:
         """Return what a program that begins now is recorded with, should it be gone on with."""

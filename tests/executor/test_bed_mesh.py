@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, cast
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -15,9 +17,16 @@ from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.machine.section_reader import MachineFileRejected
 from mcserver.planning.pipeline import Pipeline
 from mcserver.planning.start_state import StartState
+from mcserver.planning.state_before import state_before
+from mcserver.service.approach import plan_approach
+from mcserver.service.axis_reports import AxisReports
 from mcserver.simulation.simulation import simulate
 from tests.executor.planned import Planned
 from tests.executor.rig import CYCLE_S, Array, Program
+
+if TYPE_CHECKING:
+    from mcserver.service.event_log import EventLog
+    from mcserver.service.references import References
 
 MM = 1e-3
 # by axis: velocity [m/s], acceleration, jerk
@@ -441,3 +450,35 @@ def test_a_machine_that_is_no_printer_or_has_no_probe_cannot_have_them() -> None
     for one, other in (('profile = "printer"', 'profile = "cnc"'), ("[probe]\ninput = 4\n", "")):
         with pytest.raises(MachineFileRejected, match="on a machine with"):
             parse_machine(text_of(FILE, "input = 4", "ideal").replace(one, other))
+
+
+@pytest.mark.parametrize(
+    ("begins", "now", "line", "refused"),
+    [
+        ("", "", "G29", True),
+        ("", "G29\n", "G29", False),
+        ("", "G29\nM420 S0\n", "G29", True),
+        ("", "G29\nM420 S0\nM420 S1\n", "G29", False),
+        ("", "", "M420 S0", True),
+        ("", "M420 S0\n", "M420 S0", False),
+        ("", "", "M420 S1", False),
+        # the mesh of a program before, which a restart has lost
+        ("G29\n", "", "G1 X5", True),
+        ("G29\n", "G29\n", "G1 X5", False),
+    ],
+)
+def test_a_start_behind_a_line_where_another_mesh_counted_is_refused(
+    begins: str, now: str, line: str, refused: bool
+) -> None:
+    made = printer()
+
+    def held(text: str) -> StartState:
+        reports = AxisReports(made.axes, cast("References", None), cast("EventLog", None))
+        run = Bed(made, text).run() if text else None
+        for event in [] if run is None else run.of(EventKind.MESHED):
+            assert reports.handle(event, None)
+        return msgspec.structs.replace(StartState.of(made), mesh=reports.mesh)
+
+    state = state_before([*HEAD.split("\n")[:3], line, "G1 X9"], 5, made, held(begins))
+    approach = plan_approach(made, state, held(now), [0, 1, 2])
+    assert ("MC594" in [each.code for each in approach.needs]) is refused
