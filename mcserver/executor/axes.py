@@ -1,7 +1,7 @@
-"""All axes of the machine: what their drives are commanded, what they report, and which of them hold.
+"""All axes of the machine: commands to their drives, feedback from them, and which axes hold.
 
-Masks are bit masks over the machine's columns. An axis that is not under position or velocity control has its
-encoder's reading as setpoint, so that capturing it is no jump (D-40).
+Masks are bit masks over the machine's columns. The setpoint of an axis that is not under position or velocity
+control follows its encoder, so that capturing it is no jump (D-40).
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def machine_shifts(machine: Machine) -> bool:
 
 @dataclass
 class _Port:
-    """A bus, with the arrays that go to and come from it."""
+    """A bus, with its arrays of setpoints and feedback."""
 
     bus: DriveBus
     index: NDArray[np.intp] | None  # None: the bus drives all columns
@@ -50,17 +50,17 @@ class _Port:
     def of(
         cls, bus: DriveBus, index: NDArray[np.intp] | None, setpoints: Setpoints, feedback: Feedback
     ) -> _Port:
-        # asked once: looking at a protocol's members takes longer than all else in a cycle of three axes
+        # checked once: isinstance of a protocol takes longer than all else in a cycle of three axes
         return cls(bus, index, setpoints, feedback, bus if isinstance(bus, ForeseeingBus) else None)
 
 
 @dataclass(frozen=True)
 class Ahead:
-    """Exchanges of all buses that have been computed ahead.
+    """Exchanges of all buses, computed ahead.
 
     Attributes:
-        actual: readings of the encoders after each, shape (m, K) [m or rad]. buses: of those with a lag what
-            they have foreseen, which may be more.
+        actual: readings of the encoders after each, shape (m, K) [m or rad]. buses: the buses with a lag, and
+            what each has computed, which may be more exchanges.
     """
 
     actual: Array
@@ -68,11 +68,11 @@ class Ahead:
 
     @property
     def agreed(self) -> bool:
-        """Whether all have foreseen equally many exchanges."""
+        """Whether all buses have computed equally many exchanges."""
         return all(len(foreseen.actual) == len(self.actual) for _, foreseen in self.buses)
 
     def arrive(self) -> None:
-        """Let these exchanges have happened."""
+        """Put the buses into the state after these exchanges."""
         for bus, foreseen in self.buses:
             bus.arrive(foreseen)
 
@@ -83,24 +83,24 @@ class AxisBank:
     Attributes:
         row: setpoints and feedback of this cycle.
         torque: shape (K,), at the motor's shaft [N·m]: setpoints in torque mode; feed-forward in position
-            mode, where it is 0 unless whoever moves the axis sets it anew in each cycle.
+            mode, 0 unless set in each cycle.
         goal, goal_speed: shape (K,), of axes in profile position: see `mcserver.drives.bus.Setpoints`.
         all: mask of all columns. exact: columns whose drives follow exactly.
-        energized: the drive holds in the commanded mode. starting: commanded to, not yet there.
+        energized: the drive holds in the commanded mode. starting: commanded to, not there yet.
         used: masks of the columns that were ever powered in each mode.
         positioned: energized, or about to be, in position mode. speed, torque_mode: in these modes.
-        fault: latched. released, stopping, resetting: commanded.
+        fault: latched. released, stopping, resetting: so commanded.
         fresh: shape (K,), whether drives answered. states: shape (K,), `DriveState`. drive_fault,
             drive_detail: shape (K,), of the columns in ``failed``.
-        delayed: columns whose feedback is behind; delay_cycles: by how many cycles at the most.
-        homing: its drive homes it. offset: shape (K,), position minus encoder reading [m or rad]; the
-            one place where the two differ.
-        inputs, switch_at, indices, index_at: shape (K,), as of `Feedback`, in positions.
+        delayed: columns whose feedback is delayed; delay_cycles: by how many cycles at most.
+        homing: the drive homes itself. offset: shape (K,), position minus encoder reading [m or rad]; no
+            other place makes a difference between the two.
+        inputs, switch_at, indices, index_at: shape (K,), as in `Feedback`, as positions.
         standing_speed: shape (K,), the greatest speed that counts as standing where an axis is captured.
         failed: columns whose drive has newly gone into FAULT. dropped: columns whose drive has newly
             de-energized by itself.
-        shaper: makes setpoints of what is ordered; None: they are the same.
-        compensator: of backlash and pitch; None: drives get the setpoints.
+        shaper: makes setpoints from orders; None: they are the same.
+        compensator: of backlash and pitch; None: drives get the setpoints unchanged.
         pairs: masks of the two drives of each gantry pair; they are energized and switched off together.
     """
 
@@ -129,7 +129,7 @@ class AxisBank:
         self.delayed = np.zeros(count, np.bool_)
         self.delay_cycles = 0
         self.offset: Array = np.zeros(count)
-        # axes with a reference of their own are transmitted where their encoders have to be
+        # a drive of an axis with a reference is commanded in encoder readings
         self.compensator = Compensator(machine, row) if machine.compensated else None
         self._shifts = machine_shifts(machine) or machine.compensated
         self._target: Array = np.zeros(count) if self._shifts else row.setpoint
@@ -185,7 +185,7 @@ class AxisBank:
                 self.exact |= 1 << column
 
     def close(self) -> None:
-        """Give the buses back, every drive de-energized."""
+        """De-energize every drive and close the buses."""
         for port in self._ports:
             port.bus.close()
 
@@ -205,13 +205,13 @@ class AxisBank:
     # ------------------------------------------------------------------ the cycle
 
     def stall(self, cycles: int) -> None:
-        """Let simulated drives know that so many cycles have passed without an exchange."""
+        """Tell simulated drives the number of cycles that have passed without an exchange."""
         for port in self._ports:
             if isinstance(port.bus, UnclockedBus):
                 port.bus.stall(cycles)
 
     def exchange(self) -> None:
-        """Exchange with every bus; afterwards `failed`, `dropped` and the masks tell what changed."""
+        """Exchange with every bus, and update `failed`, `dropped` and the masks."""
         row = self.row
         if self.starting:
             self._lead_starting()
@@ -263,7 +263,7 @@ class AxisBank:
             self._note_states()
 
     def _read_marks(self) -> None:
-        """Take switches and indices of the drives, as positions."""
+        """Read switches and indices of the drives, as positions."""
         for port in self._ports:
             index: NDArray[np.intp] | slice = slice(None) if port.index is None else port.index
             feedback = port.feedback
@@ -275,14 +275,14 @@ class AxisBank:
         self.index_at += self.offset
 
     def _read_back(self, compensator: Compensator) -> None:
-        """Take corrections out of what drives report: positions are those of the programs."""
+        """Subtract corrections from the drives' feedback: programs see positions without them."""
         self.row.actual -= compensator.correction
         self.row.actual_velocity -= compensator.rate
         self.switch_at -= compensator.correction
         self.index_at -= compensator.correction
 
     def shift(self, column: int, distance: float) -> None:
-        """Let a column's positions read ``distance`` more from now on; its drive notices nothing."""
+        """Add ``distance`` to a column's positions from now on; its drive does not move."""
         self.offset[column] += distance
         self.row.setpoint[column] += distance
         if self.shaper is not None:
@@ -295,7 +295,7 @@ class AxisBank:
         self.index_at[column] += distance
 
     def take_over(self, column: int, position: float, velocity: float) -> None:
-        """Have shaped setpoints of an axis go on from a place and a speed [m or rad, per second]."""
+        """Restart shaped setpoints of an axis at a position and a velocity [m or rad, per second]."""
         if self.shaper is not None:
             count = len(self.row.setpoint)
             where = self.masks.bools(1 << column)
@@ -303,9 +303,7 @@ class AxisBank:
 
     @property
     def follows(self) -> bool:
-        """Whether axes follow their setpoints in a way that can be computed ahead, and none changes its
-        condition.
-        """
+        """Whether feedback of all axes can be computed ahead, and none changes its condition."""
         if self.compensator is not None:
             return False
         changing = self.starting | self.resetting | self.stopping | self.failed | self.dropped
@@ -323,7 +321,7 @@ class AxisBank:
         """Compute exchanges with setpoints, shape (m, K) each, up to the first that meets a drive's limit.
 
         Args:
-            actual: what drives show that follow exactly, shape (m, K).
+            actual: feedback of drives that follow exactly, shape (m, K).
         """
         count, found = len(setpoint), []
         lagging = [port for port in self._ports if not port.bus.follows_exactly]
@@ -340,9 +338,9 @@ class AxisBank:
         return Ahead(actual, tuple(found))
 
     def _lead_starting(self) -> None:
-        """Put the setpoint of a drive that closes its loop now where a coasting axis will be."""
+        """Set the setpoint of a drive that closes its loop now to where its coasting axis will be."""
         row = self.row
-        # a drive that has homed itself stands, though its reading has jumped to its home
+        # a drive that has homed itself stands still, though its reading has jumped to the home position
         after_homing = self.starting & self._after_homing
         if after_homing:
             standing = self.masks.bools(after_homing)
@@ -404,7 +402,7 @@ class AxisBank:
         self._mode[self.masks.bools(mask)] = mode
 
     def _refresh(self) -> None:
-        """Let the setpoint of an axis that nothing controls show its encoder."""
+        """Let the setpoints of axes without control follow their encoders."""
         free = self.all & ~(self.energized & (self.positioned | self.speed))
         self._free = self.masks.bools(free)
         self._any_free = free != 0
@@ -427,14 +425,14 @@ class AxisBank:
         self.torque[bools] = 0.0
 
     def both(self, mask: int) -> int:
-        """Return columns with those that are paired with them."""
+        """Return columns together with the other sides of their gantry pairs."""
         for pair in self.pairs:
             if mask & pair:
                 mask |= pair
         return mask
 
     def power(self, mask: int, mode: DriveMode) -> None:
-        """Energize axes in a mode, or change the mode of energized ones; ideal drives are there at once."""
+        """Energize axes in a mode, or change the mode of energized ones; ideal drives do so at once."""
         mask = self.both(mask)
         # a drive takes a moment to leave its own homing
         leaving = mask & self.homing & ~self.exact
@@ -458,7 +456,7 @@ class AxisBank:
             self.torque_mode |= mask
         self.starting |= new & ~self.exact
         self.energized |= new & self.exact
-        # a drive that is still clearing its fault would show it: it is told once it has
+        # a drive that is still clearing a fault would report it again: command it once that is done
         self._tell(mask & ~self.resetting, mode)
         if mode is not DriveMode.TORQUE:
             self.torque[self.masks.bools(mask)] = 0.0

@@ -1,4 +1,4 @@
-"""One axis under way by itself on a trajectory, with those that follow it on a line."""
+"""Independent motion of one axis on a trajectory, with the axes that follow it on a line."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ class MotionKind(enum.Enum):
     POSITION = enum.auto()  # at its target
     SPEED = enum.auto()  # never: the speed is held
     HALT = enum.auto()  # at standstill
-    FOLLOW = enum.auto()  # whoever sets its state, cycle by cycle
+    FOLLOW = enum.auto()  # its owner, which sets its state cycle by cycle
 
 
 class Motion:
-    """One axis under way by itself.
+    """Independent motion of one axis.
 
     Attributes:
         slot: whose rate applies, -1: the machine's. elapsed: time on the trajectory [s].
         origin: position at which the trajectory starts. final: position and velocity at its end.
-        limits: that it keeps. followers: columns that go along: column → (position, share) where it is that
-            position + share · (this one's - anchor). lost: its own column takes no part any more.
-        surface: column and law that lead a speed from cycle to cycle (D-120); None: none does.
+        limits: that it keeps. followers: other columns on the line, column → (position, share): a follower is
+            at position + share · (own position - anchor). lost: its own column no longer moves with it.
+        surface: axis and constant surface speed that set its velocity in each cycle (D-120); None: fixed.
         target: of a position motion. rate: share of the axis's speed that it is planned with; 0: it is held.
     """
 
@@ -90,19 +90,19 @@ class Motion:
         return mask
 
     def place_of(self, column: int, place: float) -> float:
-        """Return where a column is, its own or one that follows, while its own is at a place [m or rad]."""
+        """Return the position of a column, its own or a follower, with its own at ``place`` [m or rad]."""
         if column == self.column:
             return place
         start, share = self.followers[column]
         return start + share * (place - self.anchor)
 
     def extremes(self) -> tuple[float, float]:
-        """Return the least and the greatest place of its own column from here to its end [m or rad]."""
+        """Return the least and greatest position of its own column from now to its end [m or rad]."""
         bounds = self.trajectory.position_extrema[0]
         return self.origin + bounds.min, self.origin + bounds.max
 
     def follow(self, other: Motion) -> None:
-        """Take along the columns of the motion that this one supersedes."""
+        """Take over the followers of the motion that this one supersedes."""
         self.followers, self.anchor, self.lost = other.followers, other.anchor, other.lost
 
     @property

@@ -1,7 +1,7 @@
-"""What a program's time axis can stand at: each barrier says when it is passed.
+"""Barriers: conditions at which a program's u waits.
 
-A barrier is asked twice a cycle. Before the exchange with the drives it may be passed in the midst of the
-cycle, so that what needs no drive costs no cycle; after the exchange it sees fresh feedback.
+A barrier is checked twice a cycle. Before the exchange with the drives it may be passed within the cycle, so
+that a wait without drives costs no whole cycle; after the exchange it sees fresh feedback.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from mcserver.executor.entries import Array
 from mcserver.executor.fault_codes import FaultCode, code_of_drive_fault
 from mcserver.motion.canonical import WaitMode
 
-# A drive that does not follow its command within this time is at fault [s].
+# Time in which a drive has to carry out a command [s].
 DRIVE_TIMEOUT_S = 5.0
 NEAR_ZERO = 1e-12
-# Within which a coupled axis comes into step with its leader [s].
+# Time in which a coupled axis has to get into step with its leader [s].
 STEP_TIMEOUT_S = 10.0
 
 
@@ -34,37 +34,38 @@ class BarrierFault(Exception):
 
 
 class Barrier:
-    """One reason for u to stand."""
+    """One reason for u to wait."""
 
     @property
     def in_thread(self) -> bool:
-        """Whether its axes follow a spindle now: a tool is in a thread, or on its way into one."""
+        """Whether its axes follow a spindle now: a tool is in a thread, or about to enter it."""
         return False
 
     def before(self, left: float, held: bool) -> float | None:  # noqa: ARG002
-        """Return how much of the cycle is left once this is passed [cycles]; None: it stands.
+        """Return the rest of the cycle after this is passed [cycles]; None: u waits.
 
         Args:
-            left: what is left of the cycle at the moment from which the barrier counts.
+            left: rest of the cycle when u reaches the barrier. held: the program is in feed hold.
         """
         return None
 
     def after(self, held: bool) -> bool:  # noqa: ARG002
-        """Return whether it is passed, by fresh feedback.
+        """Return whether it is passed, given fresh feedback.
 
         Raises:
-            BarrierFault: it will never be.
+            BarrierFault: it cannot be passed.
         """
         return False
 
     def idle_cycles(self, limit: int) -> int:  # noqa: ARG002
-        """Return in how many of the next cycles, up to ``limit``, it surely stands and nothing but time
-        passes: without a feed hold, and while no motion ends and no drive or input changes.
+        """Return how many of the next cycles, up to ``limit``, u surely waits and only time passes.
+
+        Provided that there is no feed hold, no motion ends, and no drive or input changes.
         """
         return 0
 
     def skip(self, cycles: int) -> None:  # noqa: ARG002
-        """Let such cycles pass."""
+        """Let cycles of `idle_cycles` pass."""
         return
 
 
@@ -89,17 +90,20 @@ class Dwell(Barrier):
         self._remaining = float(self._remaining_after(cycles)[-1])
 
     def _remaining_after(self, cycles: int) -> Array:
-        """Return what remains after each of the next cycles, subtracted one by one, shape (cycles,) [s]."""
+        """Return the rest of the dwell after each of the next cycles, shape (cycles,) [s].
+
+        Subtracted one by one, to be bit-identical to single cycles.
+        """
         steps = np.full(cycles + 1, self._cycle.cycle_s)
         steps[0] = self._remaining
         return np.asarray(np.subtract.accumulate(steps)[1:])
 
 
 class AtRest(Barrier):
-    """Independent motion of some axes has ended; speeds that are held do not count.
+    """Independent motion of some axes has ended, except for constant speeds.
 
     Args:
-        exchanged: the drives have to have got the last setpoints.
+        exchanged: whether the drives have to have received the last setpoints.
     """
 
     def __init__(self, cycle: Cycle, axes: int, *, exchanged: bool = False) -> None:
@@ -125,10 +129,10 @@ class AtRest(Barrier):
 
 
 class Settled(Barrier):
-    """Shaped setpoints have come to where axes were ordered, and what was put off to them is done.
+    """Shaped setpoints have reached the ordered positions, and the entries delayed with them are done.
 
     Args:
-        settled: whether that is so.
+        settled: returns whether that is so.
     """
 
     def __init__(self, settled: Callable[[], bool]) -> None:
@@ -153,8 +157,8 @@ class ExactStop(Barrier):
         bank = self._cycle.bank
         if left_at_rest is None or self._axes & bank.positioned & ~bank.exact:
             return None
-        # u goes on with the next cycle: rows stand at whole u, and are played as they are only while u is
-        # whole at each cycle
+        # u goes on with the next cycle: rows are at whole u, and are played exactly only if u is whole at
+        # each cycle
         return 0.0
 
     def after(self, held: bool) -> bool:
@@ -190,9 +194,7 @@ class ExactStop(Barrier):
         return self._rest.idle_cycles(limit)
 
     def _was_within(self, column: int, tolerance: float) -> bool:
-        """Whether the encoder has been within tolerance of the target for the configured cycles, this one
-        included.
-        """
+        """Return whether the encoder has been in tolerance for the configured cycles, up to this one."""
         cycle = self._cycle
         distance = abs(cycle.history[:, column] - cycle.ordered(column))
         return bool((distance <= tolerance).all())
@@ -205,7 +207,7 @@ class ExactStop(Barrier):
 
 
 class InStep(Barrier):
-    """An axis that has been coupled has come to where its leader has it."""
+    """An axis that has been coupled is in step with its leader."""
 
     def __init__(self, cycle: Cycle, coupling: Coupling) -> None:
         self._cycle = cycle
@@ -217,7 +219,7 @@ class InStep(Barrier):
 
     def after(self, held: bool) -> bool:
         if self._coupling.waits:
-            # a work comes when it comes
+            # no time-out: a work piece on a conveyor may come at any time
             return False
         self._waited += 0.0 if held else self._cycle.cycle_s
         if self._waited > STEP_TIMEOUT_S:
@@ -227,7 +229,7 @@ class InStep(Barrier):
 
 
 class DriveWait(Barrier):
-    """Drives have done what they were told; they have a time for it."""
+    """Drives have carried out a command, within a time-out."""
 
     def __init__(self, cycle: Cycle, axes: int) -> None:
         self._cycle = cycle
@@ -236,17 +238,17 @@ class DriveWait(Barrier):
 
     @property
     def _missing(self) -> int:
-        """Columns of drives that have not done it."""
+        """Columns of drives that have not carried it out."""
         raise NotImplementedError
 
     def _late(self, column: int) -> BarrierFault:
-        """Return the fault of the first of them when their time is over."""
+        """Return the fault of the first of them at the time-out."""
         raise NotImplementedError
 
     def _not_cleared(self, column: int) -> BarrierFault:
         fault, detail = self._cycle.bank.reported_fault(column)
         if fault:
-            # such as a node that was stopped: it hears no reset
+            # for instance a node that was stopped, which does not receive the reset
             return BarrierFault(code_of_drive_fault(fault), column, (float(fault), float(detail)))
         return BarrierFault(FaultCode.NO_RESET, column, (self._waited, DRIVE_TIMEOUT_S))
 
@@ -271,7 +273,7 @@ class Energized(DriveWait):
 
     def _late(self, column: int) -> BarrierFault:
         clearing = bool(self._cycle.bank.resetting >> column & 1)
-        # nobody waits for them any more: none must begin to hold by itself later
+        # nothing waits for them any more: none may energize by itself later
         self._cycle.bank.latch(self._missing)
         if clearing:
             return self._not_cleared(column)
@@ -290,12 +292,12 @@ class DrivesDone(DriveWait):
 
 
 class InputWait(Barrier):
-    """M66: until a digital input is as its mode says.
+    """M66: wait for a digital input.
 
-    The time-out passes like a dwell: not in feed hold. The input's edges count there, too.
+    The time-out passes like a dwell: not in feed hold. Edges of the input count in feed hold, too.
 
     Args:
-        report: called as it is passed, with the input's value and the seconds waited.
+        report: called when it is passed, with the input's value and the seconds waited.
     """
 
     def __init__(
@@ -333,7 +335,7 @@ class InputWait(Barrier):
 
 
 class Paused(Barrier):
-    """M00 and M01: until the counter of confirmations grows."""
+    """M00 and M01: wait until the counter of confirmations grows."""
 
     def __init__(self, seen: int) -> None:
         self.seen = seen
@@ -344,7 +346,7 @@ class Paused(Barrier):
 
 
 class NextCycle(Barrier):
-    """The entry is tried again in each cycle."""
+    """Try the entry again in the next cycle."""
 
     def __init__(self, cycle: Cycle) -> None:
         self._cycle = cycle

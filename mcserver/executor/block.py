@@ -1,4 +1,4 @@
-"""Cycles that are played in one go on a virtual clock, to the same effect as one by one."""
+"""Blocks of cycles that are played at once on a virtual clock, with the same results as single cycles."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class LineEvents:
     """`LINE_START` and `LINE_END` events of a program in a slot, in order.
 
     Attributes:
-        line, time: their lines and executor times, shape (n,) [s]. ends: which of them are `LINE_END`.
+        line, time: lines and executor times, shape (n,) [s]. ends: True for `LINE_END`.
     """
 
     program: int
@@ -45,7 +45,7 @@ class LineEvents:
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Cycles that were played: lines (n,), setpoints and encoder readings (n, K) [m or rad], values of
+    """Results of played cycles: lines (n,), setpoints and encoder readings (n, K) [m or rad], values of
     outputs (n, O), and events.
     """
 
@@ -58,16 +58,14 @@ class Block:
 
 @dataclass(frozen=True, eq=False)
 class Passing:
-    """What a program passes in a block: where its lines begin and end, and entries that set outputs, with the
-    place in the block of the cycle in which each is passed.
-    """
+    """Entries that a program passes in a block: line events, and outputs with the index of their cycle."""
 
     events: LineEvents
     outputs: tuple[tuple[int, Control], ...] = ()
 
 
 def passing_cycles(u: Array, start: float) -> Array:
-    """Return in which cycle after ``start`` entries are passed at a rate of 1, the first being 1, shape (n,).
+    """Return the cycles after ``start``, from 1, in which entries are passed at a rate of 1, shape (n,).
 
     Args:
         u: of the entries, in order but for rounding, shape (n,) [cycles].
@@ -78,8 +76,8 @@ def passing_cycles(u: Array, start: float) -> Array:
 def passing_times(u: Array, start: float, first: int, cycle_s: float) -> Array:
     """Return the executor times at which entries are passed at a rate of 1, shape (n,) [s].
 
-    The same operations in the same order as cycle by cycle, so that they are the same to the last bit: at the
-    beginning of a cycle 1 of it is left, and each entry that u comes to takes its distance of that.
+    Uses the same operations in the same order as single cycles, so that times are bit-identical: a cycle
+    begins with 1 left, from which the distance in u to each entry is subtracted.
 
     Args:
         u: of the entries, in order but for rounding, shape (n,) [cycles]. start: u before the first cycle.
@@ -90,7 +88,7 @@ def passing_times(u: Array, start: float, first: int, cycle_s: float) -> Array:
     first_of = np.ones(len(u), np.bool_)
     np.not_equal(cycle[1:], cycle[:-1], out=first_of[1:])
     opens = np.flatnonzero(first_of)
-    # of each cycle the entry to be passed next, u and what is left of the cycle
+    # for each cycle: the next entry to pass, u, and the rest of the cycle
     at, ends = opens, np.append(opens[1:], len(u))
     here, remaining = start + cycle[at] - 1.0, np.ones(len(at))
     while len(at):

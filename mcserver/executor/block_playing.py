@@ -1,7 +1,7 @@
-"""Many cycles in one go, on a virtual clock: the same to the bit as `Executor.cycle` one by one.
+"""Play many cycles at once on a virtual clock, bit-identical to repeated `Executor.cycle`.
 
-Whatever acts in a cycle says for how many it goes on by itself (`idle_cycles`), what it sets in them
-(`ahead`), and lets them pass (`skip`). A cycle in which anything else happens is a regular one.
+Each part of a cycle says for how many cycles it goes on unchanged (`idle_cycles`), what it sets in them
+(`ahead`), and lets them pass (`skip`). A cycle in which anything else happens is played singly.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from mcserver.executor.entries import Array
 from mcserver.executor.slot import ProgramSlot
 from mcserver.executor.supervision import Supervision
 
-# Cycles below which a block costs more than it saves.
+# A shorter block costs more than it saves [cycles].
 LEAST_BLOCK = 4
 
 
@@ -35,7 +35,7 @@ def play_block(
         rates: of position motions, by slot. time: executor time of the first cycle [s].
 
     Returns:
-        The cycles played; None where the next ones are no such cycles.
+        The cycles played; None where the next cycles have to be played singly.
     """
     count = _idle_cycles(cycle, slot, rates, time, limit)
     if count < LEAST_BLOCK:
@@ -72,7 +72,7 @@ def play_block(
 
 
 def _idle_cycles(cycle: Cycle, slot: ProgramSlot, rates: Mapping[int, float], time: float, limit: int) -> int:
-    """Return in how many of the next cycles rows, motions and barriers go on, and nothing else happens."""
+    """Return the number of next cycles in which only rows, motions and barriers go on."""
     bank, motions = cycle.bank, cycle.motions
     moving = motions.mask | slot.playback.active
     if not bank.follows or moving & ~bank.energized or motions.mask & cycle.profiled.mask:
@@ -89,7 +89,7 @@ def _idle_cycles(cycle: Cycle, slot: ProgramSlot, rates: Mapping[int, float], ti
 
 
 def _pass_outputs(cycle: Cycle, slot: ProgramSlot, passing: Passing, velocity: Array) -> Array:
-    """Set outputs as a program passes their entries; return what is published in each cycle, shape (n, O).
+    """Set outputs as a program passes their entries; return the outputs of each cycle, shape (n, O).
 
     Args:
         velocity: of the setpoints, shape (n, K).

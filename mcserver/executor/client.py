@@ -1,4 +1,4 @@
-"""The executor in a process of its own, as the server sees it."""
+"""The server's client of the executor, which runs in a process of its own."""
 
 from __future__ import annotations
 
@@ -18,10 +18,11 @@ from mcserver.executor.stored_reference import StoredReference
 from mcserver.machine.machine_file import Machine
 from mcserver.processes import start_child
 
-# The first start after an installation compiles what is called in a cycle, beside the planner [s].
+# Longest start: the first one after an installation compiles the executor's kernels, beside the planner's
+# [s].
 START_TIMEOUT_S = 300.0
 STOP_TIMEOUT_S = 12.0
-# An executor whose beat stands still for this time does not run [s].
+# An executor without a beat for this time does not run [s].
 BEAT_TIMEOUT_S = 2.0
 _POLL_S = 0.002
 
@@ -29,16 +30,14 @@ _POLL_S = 0.002
 class ExecutorProcess(ExecutorFaces):
     """Starts, watches and ends the executor's process.
 
-    A fresh interpreter is started for it, so that it has nothing of the server's in it. The memory that they
-    share has no name; it is gone with the last of the two, however they end.
+    It gets a fresh interpreter, without the server's state. The shared memory has no name; it is freed with
+    the last of the two processes, however they end.
 
     Args:
-        machine: what it drives.
         references: of axes, from an earlier start, by axis number. tool: in the spindle since then, 0: none.
 
     Attributes:
-        mailboxes: once it is launched, by which it is asked for objects of drives on EtherCAT; None: the
-            machine has no such bus.
+        mailboxes: client for objects of drives on EtherCAT, once launched; None: the machine has no such bus.
     """
 
     def __init__(
@@ -48,7 +47,7 @@ class ExecutorProcess(ExecutorFaces):
         references: Mapping[int, StoredReference] | None = None,
         tool: int = 0,
     ) -> None:
-        # the same configuration errors as in the process, but here, where they can be reported
+        # finds the same configuration errors as the process would, but here they can be reported
         create_buses(machine)
         self.machine = machine
         self._references = dict(references or {})
@@ -62,7 +61,7 @@ class ExecutorProcess(ExecutorFaces):
     # ------------------------------------------------------------------ life
 
     def start(self, timeout_s: float = START_TIMEOUT_S) -> None:
-        """`launch` and `wait`. Raises as these."""
+        """Launch the process and wait for it; raises as `wait`."""
         self.launch()
         self.wait(timeout_s)
 
@@ -147,7 +146,7 @@ class ExecutorProcess(ExecutorFaces):
         return self._process.wait()
 
     def _forget_memory(self) -> None:
-        """Close the descriptor: the memory stays mapped here, but no other process can get it any more."""
+        """Close the descriptor: the memory stays mapped here, but no further process can map it."""
         if self.mailboxes is not None:
             self.mailboxes.close()
         memory, self._memory = self._memory, -1
@@ -156,7 +155,7 @@ class ExecutorProcess(ExecutorFaces):
 
     @property
     def alive(self) -> bool:
-        """Whether the process is there and its cycles go on; cheap, and needs to be asked now and then."""
+        """Whether the process exists and its cycles go on; to be read regularly, to notice a missing beat."""
         process = self._process
         if process is None or process.poll() is not None:
             return False
@@ -168,7 +167,7 @@ class ExecutorProcess(ExecutorFaces):
 
     @property
     def ending(self) -> str:
-        """Return how the process came to its end, for a message; empty while it runs."""
+        """Return in words how the process ended; empty while it runs."""
         code = self.exit_code
         if code is None:
             return "" if self.alive else f"it has run no cycle for {BEAT_TIMEOUT_S:g} s"
@@ -185,7 +184,7 @@ class ExecutorProcess(ExecutorFaces):
 
     @property
     def memory(self) -> int:
-        """Descriptor of the shared memory, for another process that is to have it too.
+        """Descriptor of the shared memory, for another process to map.
 
         Raises:
             RuntimeError: the executor does not run.
@@ -196,12 +195,12 @@ class ExecutorProcess(ExecutorFaces):
 
     @property
     def pid(self) -> int | None:
-        """Of the process."""
+        """Id of the process."""
         return None if self._process is None else self._process.pid
 
     @property
     def state(self) -> ProcessState:
-        """As the process says."""
+        """State that the process reports."""
         return ProcessState(self.mailbox.executor_state)
 
     # ------------------------------------------------------------------ its faces
@@ -213,7 +212,7 @@ class ExecutorProcess(ExecutorFaces):
         return self._parts
 
     def beat(self) -> None:
-        """Say that the server lives; at least every 50 ms from the first call on."""
+        """Signal that the server lives; to be called at least every 50 ms from the first call on."""
         self.mailbox.beat()
 
     def events(self) -> list[ExecutorEvent]:

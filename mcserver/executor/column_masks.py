@@ -8,16 +8,16 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-# masks that are remembered; a machine uses few
+# size of the cache; a machine uses few masks
 _MASKS_KEPT = 4096
 
 
 class ColumnMasks:
-    """Boolean arrays and column lists of bit masks, made once for each mask.
+    """Boolean arrays and column lists of bit masks, cached for each mask.
 
     Attributes:
-        bools: gives which columns a mask has, shape (K,); not to be changed.
-        columns: gives the columns in a mask, ascending.
+        bools: returns a mask as a boolean array, shape (K,); not to be changed.
+        columns: returns the columns of a mask, ascending.
     """
 
     def __init__(self, count: int) -> None:

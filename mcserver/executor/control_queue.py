@@ -1,4 +1,4 @@
-"""Control entries that wait for u, and where motion has to be able to stop before them."""
+"""The control entries ahead of u, and the edges before which motion has to be able to stop."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from mcserver.executor.playback.playback import Playback
 from mcserver.executor.shm.rings import ProgramRing
 from mcserver.motion.kernels.rate_changes import NEAR_U
 
-# Control entries looked at in a cycle, besides those that this cycle may pass.
+# Most control entries that are noted in a cycle, besides those that this cycle may pass.
 NOTED_A_CYCLE = 64
-# Entries up to this far ahead of u are always looked at [cycles].
+# Entries up to this far ahead of u are always noted [cycles].
 NOTED_AHEAD = 8.0
 
-# Entries looked at for a block of cycles.
+# Most entries that are examined for a block of cycles.
 LOOKED_AT = 1024
 
-# Entries at which u may have to wait.
+# Kinds of entries at which u may have to wait.
 WAITING = frozenset(
     (
         ControlKind.WAIT,
@@ -40,7 +40,7 @@ WAITING = frozenset(
         ControlKind.MESH,
     )
 )
-# Where lines begin and end: all other kinds have greater numbers.
+# LINE_START and LINE_END: all other kinds have greater numbers.
 _LAST_EDGE = int(ControlKind.LINE_END)
 _OUTPUT = int(ControlKind.OUTPUT)
 
@@ -50,7 +50,7 @@ class EntryBatch:
     """Entries that were taken, in order.
 
     Attributes:
-        u, line, kind: shape (n,). outputs: by place those that set outputs.
+        u, line, kind: shape (n,). outputs: by index, those that set outputs.
     """
 
     u: Array
@@ -60,10 +60,10 @@ class EntryBatch:
 
 
 class ControlQueue:
-    """Entries of a program's ring that u has not come to, in order.
+    """Entries of a program's ring that u has not reached, in order.
 
     Attributes:
-        noted: number behind the last entry known. last_u: u of that one.
+        noted: one past the number of the last noted entry. last_u: u of that entry.
     """
 
     def __init__(self, ring: ProgramRing, playback: Playback) -> None:
@@ -82,7 +82,7 @@ class ControlQueue:
         self.last_u = 0.0
 
     def drop(self) -> None:
-        """Free all entries: nothing more of this program is done."""
+        """Free all entries without executing them."""
         self.open(self._ring.controls_written)
         self._ring.free_controls(self.noted)
 
@@ -103,9 +103,10 @@ class ControlQueue:
             _leave(self._stops, control.u + NEAR_U)
 
     def note(self, u: float) -> None:
-        """Let entries that have come count, and note where motion has to be able to end.
+        """Note new entries, and the edges before which motion has to be able to stop.
 
-        An entry whose rows have not come does not count yet: u would run on past a motion that begins.
+        An entry is noted only once the rows that belong to it have come: else u would run on past a motion
+        that begins.
         """
         ring, playback = self._ring, self._playback
         playback.look()
@@ -122,9 +123,7 @@ class ControlQueue:
         self.noted = number
 
     def note_all(self) -> None:
-        """Let all entries that have come count, as `note` does; on a virtual clock, where time does not
-        matter.
-        """
+        """Note all new entries, without the bound of `note`; for a virtual clock."""
         ring, playback = self._ring, self._playback
         playback.look()
         places = np.arange(self.noted, ring.controls_written) % ring.controls
@@ -148,9 +147,7 @@ class ControlQueue:
             self._stops.append(control.u)
 
     def edges_until(self, u: float, limit: int) -> int:
-        """Return how many rows after a whole u, up to ``limit``, meet no entry but where lines begin and
-        end and outputs change.
-        """
+        """Return how many rows after a whole u, up to ``limit``, pass only line edges and outputs."""
         ring = self._ring
         known = min(self.noted, self._next + LOOKED_AT)
         places = np.arange(self._next, known) % ring.controls
@@ -165,15 +162,13 @@ class ControlQueue:
         if len(others):
             return max(0, math.ceil(float(at[others[0]]) - u - 2.0 * NEAR_U) - 1)
         if ahead == len(places) and known < ring.controls_written:
-            # more entries follow, whose rows have not come yet, or that have not been looked at
+            # more entries follow, which have not been examined or whose rows have not come yet
             last = float(at[-1]) if ahead else self.last_u
             limit = min(limit, max(0, math.ceil(last - u) - 1))
         return limit
 
     def take_until(self, u: float) -> EntryBatch:
-        """Take the entries up to u, as `edges_until` has found them: where lines begin and end and where
-        outputs change.
-        """
+        """Take the entries up to u, which are line edges and outputs, as `edges_until` has found."""
         ring, first = self._ring, self._next
         places = np.arange(first, min(self.noted, first + LOOKED_AT)) % ring.controls
         at = ring.entry_u[places]
@@ -194,10 +189,10 @@ class ControlQueue:
         return taken
 
     def edge(self, u: float) -> tuple[float | None, bool]:
-        """Return before which u the motion under way has to be able to stop, and whether more rows would
-        move that on.
+        """Return the u before which the motion under way has to be able to stop, and whether more rows would
+        move it further.
 
-        None: it ends by itself before all that.
+        None: the motion ends by itself before that.
         """
         edge: float | None = None
         dry = False

@@ -1,4 +1,4 @@
-"""What the parts of one executor share in a cycle."""
+"""The state that the parts of one executor share in a cycle."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ if TYPE_CHECKING:
 
 
 class Cycle:
-    """State of the running cycle, and the machine it is about.
+    """The running cycle, and the machine.
 
     Attributes:
         time: executor time of the cycle [s].
         estop: the emergency stop is latched.
-        io: inputs and outputs. profiled: axes whose drives make their profiles themselves.
-        feed_forward: torques for drives that take them along; None where none does.
-        number: of the cycle. bed: the mesh that programs probe; None: there is none.
-        history: shape (exact_stop_cycles, K), the latest encoder readings as programs have positions, less
-            what axes do besides; that of cycle n in row n % exact_stop_cycles.
+        io: inputs and outputs. profiled: axes whose drives generate their profiles themselves.
+        feed_forward: torques for drives with torque feed-forward; None: no drive has it.
+        number: of the cycle. bed: the bed mesh that programs probe; None: none.
+        history: shape (exact_stop_cycles, K), the latest encoder readings in the frame of programs, without
+            superimposed motion; that of cycle n in row n % exact_stop_cycles.
         gantries: pairs of drives. couplings: axes that follow others.
-        homed: the axes' references. shifted: called with a column and a distance where its positions read
-            that much more from now on.
+        homed: the axes' references. shifted: functions to call with a column and the distance that is added
+            to its positions from now on.
     """
 
     def __init__(
@@ -111,13 +111,13 @@ class Cycle:
         token: int = 0,
         values: tuple[float, ...] = (),
     ) -> bool:
-        """Report something that happened ``left`` cycles before the end of this cycle; False: no room."""
+        """Report an event ``left`` cycles before the end of this cycle; return False if there is no room."""
         time = self.time - left * self.cycle_s
         return self._events.put(ExecutorEvent(kind, program, line, time, code, axis, token, values))
 
     def fault(
         self, code: FaultCode, program: int, line: int, column: int = -1, values: tuple[float, ...] = ()
     ) -> None:
-        """Report a fault; ``column`` -1: of no axis."""
+        """Report a fault; ``column`` -1: not of an axis."""
         axis = self.machine.axes[column].index if column >= 0 else -1
         self.emit(EventKind.FAULT, program, line, code=code, axis=axis, values=values)

@@ -1,9 +1,9 @@
-"""What the planner hands to the executor: setpoint rows and control entries on one time axis.
+"""Control entries from the planner to the executor, and events from the executor.
 
-Each program has a time axis of its own, u, counted in cycles from its start. Rows exist at integer u;
-control entries stand at any u, in order. The executor plays u forward by the feed override each cycle. With
-r = 1 and no waiting, u is an integer at every cycle and rows are played as they are; else they are
-interpolated (cubic Hermite on position and velocity).
+Each program has a time axis of its own, u, counted in cycles from its start. Setpoint rows exist at integer
+u; control entries are at any u, in order. Each cycle the executor advances u by the playback rate. At a rate
+of 1 without waits, u is an integer at every cycle and rows are played exactly; else they are interpolated
+(`mcserver.motion.kernels.row_interpolation`).
 """
 
 from __future__ import annotations
@@ -63,20 +63,20 @@ class Control(msgspec.Struct, frozen=True, gc=False):
         axes: bit mask over the machine's columns (bit 0 = first axis of the machine).
         values: shape (K,) for RAPID, SPEED and TORQUE, and for FOLLOW where it is bounded; for END optionally
             the final positions (without them the axes hold the row at or right after u); else None.
-        seconds: for DWELL; for PROBE the speed along the line [m/s]; for THREAD the way along it a turn [m];
-            for WAIT the time-out; for SPEED by the radius the surface speed [m/s]; for OUTPUT of a laser the
-            speed of ``axes`` together that its value is for [m/s or rad/s]; 0: any.
-        operation: for PROBE: a `ProbeKind`; for SPEED: 1 where column ``channel`` leads it, whose value is
-            the place of the spindle's axis; for THREAD: 1 where it taps; for AXIS: index of the operation in
-            ``list(AxisOperation)``; for MESH: a `MeshUse`; for FINISH: 1 where a faulty line has ended the
-            program, whose outputs become safe; for INPUT: a `WaitMode`; for PAYLOAD: tools, as
-            `mckinematics.dynamics.JointDynamics.bits_of` has them.
-        token: for SETTLE: a number that the executor reports back with the positions; for PROBE 1 where what
-            it meets is a point of the mesh of the bed.
+        seconds: for DWELL; for PROBE the speed along the line [m/s]; for THREAD the pitch [m]; for WAIT the
+            time-out; for SPEED by constant surface speed that speed [m/s]; for OUTPUT of a laser the path
+            speed of ``axes`` at which it has its value [m/s or rad/s], 0: not scaled.
+        operation: for PROBE: a `ProbeKind`; for SPEED: 1 for constant surface speed by the position of column
+            ``channel``, whose value is the position of the spindle's axis; for THREAD: 1 for tapping; for
+            AXIS: index of the operation in ``list(AxisOperation)``; for MESH: a `MeshUse`; for FINISH: 1 where
+            a faulty line has ended the program, whose outputs become safe; for INPUT: a `WaitMode`; for PAYLOAD: tools, as
+            bits of `mckinematics.dynamics.JointDynamics.bits_of`.
+        token: for SETTLE: a number that the executor reports back with the positions; for PROBE 1
+            where the contact is a point of the bed mesh.
         channel: for OUTPUT and INPUT: column of the machine's output or input; for THREAD: of the spindle.
-        value: for OUTPUT; for ADVANCE K [s]; for SPEED by the radius the greatest [rad/s]; for THREAD the
-            spindle's speed [1/s]; for FOLLOW the share of the accelerations, and its root of the velocities,
-            that axes may take, 0: all.
+        value: for OUTPUT; for ADVANCE K [s]; for SPEED by constant surface speed the greatest [rad/s]; for
+            THREAD the spindle's speed [1/s]; for FOLLOW the share of the acceleration limits that axes may
+            use (and its root of the velocity limits), 0: all.
     """
 
     kind: ControlKind

@@ -1,11 +1,11 @@
-"""What an approved run may do, and the guard that ends the run before a setpoint beyond that goes out.
+"""Guard the envelope of an approved run: stop the run before a setpoint leaves it.
 
-Three lines: rows that would leave the envelope do not count from the cycle on in which they come, so that
-the motion ends on the rows before them as it does where no more have come; motion of single axes is looked
-at when it begins, and is brought to rest in time where it would pass a bound; every setpoint is looked at
-in its cycle. What the first two cannot know beforehand (an axis that coasts as it is captured, a tool's tip
-under rapids whose axes take other times than simulated) the third one finds: the run comes to rest within
-its axes' limits from there on, and passes the bound by that braking distance at the most.
+Three lines of defence. Rows outside of the envelope are not admitted, so that the motion ends on the rows
+before them as if no more had come. Motion of single axes is checked when it begins, and stopped in time where
+it would pass a bound. Every setpoint is checked in its cycle. The third finds what the first two cannot
+foresee (an axis that coasts as it is captured, a tool's tip under rapids with other timing than simulated):
+the run comes to rest within its axes' limits from there on, and exceeds the bound by at most that braking
+distance.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 
 class Breach(NamedTuple):
-    """What leaves the envelope: the code, the column (-1: none), the line, value and bound [SI]."""
+    """A departure from the envelope: code, column (-1: none), line, value and bound [SI]."""
 
     code: FaultCode
     column: int
@@ -86,16 +86,16 @@ class _Tip:
         return first + at, self._outside(tip_positions(self._steps, self._turning, joints[None])[0].tolist())
 
     def lose(self) -> None:
-        """Forget where the tip was: the cycle to come is the first one."""
+        """Forget the last position of the tip: no speed is checked in the next cycle."""
         self._before = None
 
     def _outside(self, tip: list[float]) -> float:
-        """Return how far a place is outside [m]."""
+        """Return how far a position is outside [m]."""
         low, high = self._box
         return max(max(here - above, below - here) for here, below, above in zip(tip, low, high, strict=True))
 
     def step(self, setpoint: Array) -> tuple[float, float]:
-        """Return how far the tip is outside now, at most 0 inside, and how far it went in this cycle [m]."""
+        """Return how far the tip is outside now, at most 0 inside, and its travel in this cycle [m]."""
         tip = tip_positions(self._steps, self._turning, setpoint[self._columns][None])[0].tolist()
         before, self._before = self._before, tip
         went = 0.0 if before is None else math.dist(tip, before)
@@ -106,7 +106,7 @@ class EnvelopeGuard:
     """Holds the program of one slot within its envelope.
 
     Args:
-        envelope: as `enforced`. ring: has its rows.
+        envelope: from `enforced`. ring: of its rows.
     """
 
     def __init__(self, envelope: Envelope, cycle: Cycle, ring: ProgramRing) -> None:
@@ -130,7 +130,7 @@ class EnvelopeGuard:
     # ------------------------------------------------------------------ before anything begins
 
     def admit(self, first: int, written: int) -> int:
-        """Return the number of the row up to which rows count: of the first that would leave the envelope.
+        """Return one past the last admitted row: the number of the first row outside, or ``written``.
 
         Args:
             first: number of the first row that has not been played. written: of the row after the last.
@@ -188,9 +188,9 @@ class EnvelopeGuard:
         kind = control.kind
         columns = self._cycle.bank.masks.columns(control.axes)
         if kind in (ControlKind.TORQUE, ControlKind.HOME, ControlKind.REFERENCE):
-            # a torque has no extents, and a reference would move those that were shown
+            # a torque motion has no bounds, and a new reference would shift the approved ones
             raise BarrierFault(FaultCode.ENVELOPE_COMMAND, columns[0] if columns else -1)
-        # where axes go by themselves, and where rows leave them
+        # targets of rapids, and positions at which rows end
         if kind in (ControlKind.RAPID, ControlKind.END) and control.values is not None:
             for column in columns:
                 target = control.values[column]
@@ -206,14 +206,14 @@ class EnvelopeGuard:
                     raise BarrierFault(FaultCode.ENVELOPE_SPEED, column, (wanted, bound))
 
     def bounds(self, column: int) -> Bounds:
-        """Return within which a column may follow another axis."""
+        """Return the bounds within which a column may follow another axis."""
         speed = max(1.0, self._override) * float(self._speed[column])
         return Bounds(float(self._low[column]), float(self._high[column]), speed)
 
     # ------------------------------------------------------------------ the cycle
 
     def before_exchange(self, slot: ProgramSlot) -> None:
-        """Look at the setpoints of this cycle, which have not gone out; stop the program that leaves."""
+        """Check the setpoints of this cycle before they are sent; stop the program on a breach."""
         breach = self._breach or self._look(slot)
         if breach is None or self._said:
             return
@@ -249,16 +249,16 @@ class EnvelopeGuard:
                 breach = self._outside(column, line, float(row.ordered[column]))
         for tip in self._tips:
             if slot.lends:
-                # at a pause others may move its joints
+                # at a pause other programs may move its joints
                 tip.lose()
                 continue
             excess, went = tip.step(row.ordered)
             if excess > 0.0 or went > factor * tip.speed * cycle.cycle_s:
                 breach = breach or Breach(FaultCode.ENVELOPE_TIP, -1, line, excess, tip.tool)
-        # a program that neither moves nor stands at an entry waits for its planner
+        # a program that neither moves nor waits at an entry waits for its planner
         works = slot.barrier is not None or slot.playback.active
         if works and slot.state is SlotState.RUNNING:
-            # at a lower override the same takes longer
+            # a lower override makes the run take longer
             self._left -= cycle.cycle_s * min(1.0, slot.override)
             if self._left < 0.0:
                 breach = breach or Breach(
@@ -269,7 +269,7 @@ class EnvelopeGuard:
         return breach
 
     def _look_at_motions(self, slot: ProgramSlot, line: int) -> Breach | None:
-        """Stop motions of single axes that would pass a bound, while they still come to rest before it."""
+        """Stop motions of single axes that would pass a bound, while they can still stop before it."""
         motions = self._cycle.motions
         known, self._known = self._known, {}
         for motion in motions.of_slot(slot.index):
@@ -289,7 +289,7 @@ class EnvelopeGuard:
         return None
 
     def _beyond(self, motion: Motion, place: float) -> int | None:
-        """Return a column that is outside where the motion's own axis is at a place."""
+        """Return a column that is outside with the motion's own axis at ``place``; None without one."""
         for column in self._cycle.bank.masks.columns(motion.columns):
             if not self._low[column] <= motion.place_of(column, place) <= self._high[column]:
                 return column

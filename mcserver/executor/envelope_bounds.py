@@ -1,4 +1,4 @@
-"""Extents, speeds and duration of a run: what an approval shows, and what the executor enforces of it."""
+"""The envelope of a run: bounds of positions, speeds and duration, as approved and as enforced."""
 
 from __future__ import annotations
 
@@ -9,22 +9,23 @@ import msgspec
 
 from mcserver.machine.machine_file import Machine
 
-# A run may begin so many in-position tolerances from where its simulation began, and stay as far beside it.
+# Deviation of positions from the simulation that is allowed, at the start and on the way [in-position
+# tolerances].
 POSITION_TOLERANCES = 10.0
-# A run may be faster than its simulation by this share, and by this share of the axis's greatest speed:
-# rows are planned ahead in other portions there.
+# Excess speed that is allowed, as a share of the simulated speed plus a share of the axis's greatest speed:
+# commits of a real run are at other moments.
 SPEED_SHARE, SPEED_FLOOR = 0.05, 0.01
-# It may take longer by this share and time [s]: drives settle, and planning waits for a computer.
+# Excess time that is allowed, as a share plus a time [s]: drives settle, and planning takes time.
 TIME_SHARE, TIME_FLOOR_S = 0.1, 2.0
-# The tip of a tool may be further from its box than the joints' other start explains [m], and faster [m/s].
+# Tolerances of a tool's tip beyond those that follow from its joints [m, m/s].
 TIP_TOLERANCE, TIP_SPEED_FLOOR = 1e-3, 0.01
 
 
 class TipEnvelope(msgspec.Struct, frozen=True):
-    """Where a tool's tip may be, and how fast, in the base frame.
+    """Bounds of a tool's tip: position in the base frame, and speed.
 
     Attributes:
-        tool: its number. columns: of its joints, base to tool. turning: which of them turn.
+        tool: its number. columns: of its joints, base to tool. turning: which of them are revolute.
         steps: (K + 1)·12 numbers, as `mckinematics.chain.Chain.steps`, three rows of four each.
         reach: of the chain [m]. low, high: X Y Z [m]. speed: [m/s].
     """
@@ -44,10 +45,9 @@ class Envelope(msgspec.Struct, frozen=True):
 
     Attributes:
         low, high: least and greatest setpoint of each column [m or rad]. speed: the greatest [m/s or rad/s].
-        seconds: how long the run lasts, holds and pauses left out.
-        turning: mask of the columns that it lets turn on at a speed (G1030), whose travel is not bounded
-        then.
-        override: the greatest feed override, 1 as programmed.
+        seconds: duration of the run, without holds and pauses.
+        turning: mask of the columns that it sets to a constant speed (G1030), whose positions are not
+        bounded. override: the greatest feed override, 1 as programmed.
     """
 
     low: tuple[float, ...]
@@ -60,14 +60,14 @@ class Envelope(msgspec.Struct, frozen=True):
 
 
 def enforced(shown: Envelope, machine: Machine, override: float, drift: Sequence[float]) -> Envelope:
-    """Return what is enforced of a run that was shown to do this: with tolerances, at an override.
+    """Return the envelope to enforce for an approved one: with tolerances, at an override.
 
     Args:
-        drift: how far each column stands from where the simulation began [m or rad].
+        drift: distance of each column from where the simulation began [m or rad].
     """
     axes = machine.axes
     tolerance = [POSITION_TOLERANCES * axis.in_position for axis in axes]
-    # where an axis stands that has turned at a speed nobody can say beforehand
+    # the position of an axis after a constant speed cannot be predicted
     aside = [math.inf if shown.turning >> column & 1 else each for column, each in enumerate(tolerance)]
     return Envelope(
         low=tuple(low - each for low, each in zip(shown.low, aside, strict=True)),
@@ -97,5 +97,5 @@ def _enforced_tip(tip: TipEnvelope, drift: Sequence[float]) -> TipEnvelope:
 
 
 def decode_envelope(encoded: bytes | memoryview) -> Envelope:
-    """Return an envelope from its MessagePack."""
+    """Decode an envelope from MessagePack."""
     return msgspec.msgpack.decode(encoded, type=Envelope)

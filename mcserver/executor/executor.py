@@ -1,7 +1,7 @@
-"""The executor: one call is one cycle, on whatever clock.
+"""The executor: one call is one cycle, on any clock.
 
-In a cycle: the mailbox is read; every program's time axis advances and sets its axes' setpoints; drives are
-exchanged with; faults are looked for; barriers see the fresh feedback; the cycle is reported.
+In a cycle: read the mailbox; advance every program's u and set its axes' setpoints; exchange with the drives;
+check for faults; check barriers with the fresh feedback; publish the cycle's feedback.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ from mcserver.executor.stored_reference import StoredReference
 from mcserver.executor.supervision import Supervision
 from mcserver.machine.machine_file import Machine
 
-# Beside the columns to reset: a reset was asked for at all.
+# Flag beside the bits of the columns to reset: a reset was requested.
 _RESET_ASKED = 1 << 64
-# In which a simulated drive energizes at the latest.
+# Longest time in which a simulated drive energizes [cycles].
 ASSUME_CYCLES = 10_000
 
 
@@ -54,8 +54,8 @@ class Executor:
     Args:
         machine: its axes are the columns of all arrays.
         buses: together they drive every column once; `boot` is called here.
-        rings: one for each slot, as their reader.
-        mailbox, feedback, events: as the executor's side.
+        rings: one for each slot; the executor is their reader.
+        mailbox, feedback, events: shared with the server.
         references: of axes, from an earlier start, by axis number. assume_homed: every axis counts as homed.
 
     Attributes:
@@ -82,13 +82,13 @@ class Executor:
         on_buses = [bus for bus in self.bank.buses if isinstance(bus, IoBus) and (bus.inputs or bus.outputs)]
         self._io = IoBank(machine, self._row, on_buses)
         self._has_io = bool(inputs or outputs)
-        # inputs that held the machine in the cycle before
+        # inputs that held the machine in the last cycle
         self._holding: tuple[int, ...] = ()
         self._cycle = Cycle(machine, self.bank, self.motions, self._io, events, assume_homed=assume_homed)
         self._cycle.bed = BedMesh.of(machine, self.bank.compensator)
         self._cycle.homed.restore(references or {})
         self._slots = tuple(ProgramSlot(index, ring, self._cycle) for index, ring in enumerate(rings))
-        # slots that have had a program; the others cost no time
+        # slots that have had a program; only these take time
         self._used: list[ProgramSlot] = []
         self._supervision = Supervision(self._cycle, self._slots, feedback)
         self._cycle.shifted += [self._supervision.shift, self._cycle.profiled.shift]
@@ -103,7 +103,7 @@ class Executor:
         self._reset_estop = self._estop_seen
         self._hold = False
         self._override = 1.0
-        # lines of the latest cycles: a shaped path comes later than the rows that it is made of
+        # lines of the latest cycles: the shaped path is later than its rows
         self._lines = deque([0], maxlen=1 if self.bank.shaper is None else self.bank.shaper.delay + 1)
         self._longest_cycle = machine.stall_limit_s + 1.5 * machine.cycle_s
         self.late_cycles = 0
@@ -114,19 +114,17 @@ class Executor:
 
     @property
     def at_rest(self) -> bool:
-        """Whether nothing is commanded to move: no program runs, and no axis moves to a position by
-        itself; and every output has its value.
-        """
+        """Whether no program runs, no axis moves to a position by itself, and every output is set."""
         running = any(slot.running for slot in self._slots)
         moving = self.motions.mask & ~self.motions.speeding | self._cycle.settling
         return not (running or moving or self.bank.starting) and self._io.settled
 
     def u(self, slot: int) -> float:
-        """Return where the program in a slot is on its time axis [cycles]."""
+        """Return u of the program in a slot [cycles]."""
         return self._slots[slot].u
 
     def feed_scale(self, slot: int) -> float:
-        """Return the override that the rows under way of a program are planned for, at least 1."""
+        """Return the feed scale of the present rows of a program, at least 1."""
         playing = self._slots[slot]
         return playing.playback.feed_scale(playing.u)
 
@@ -191,11 +189,10 @@ class Executor:
     def assume(
         self, *, energized: int, homed: int, inputs: Sequence[float], outputs: Sequence[float]
     ) -> None:
-        """Let a simulation begin in the middle of a machine's life, before the first cycle that counts.
+        """Set the machine's state at the start of a simulation, before its first cycle.
 
         Args:
-            energized, homed: masks of columns, the others are not. inputs, outputs: values; empty: as the
-            machine file has them.
+            energized, homed: masks of columns. inputs, outputs: values; empty: those of the machine file.
 
         Raises:
             RuntimeError: a drive does not energize.
@@ -213,23 +210,23 @@ class Executor:
         raise RuntimeError("a simulated drive does not energize")
 
     def mount(self, tool: int) -> None:
-        """Let a tool be in the spindle, 0: none, from this cycle on."""
+        """Set the tool in the spindle from this cycle on, 0: none."""
         if self.bank.shaper is not None:
             self.bank.shaper.choose(tool)
 
     def play_block(self, time: float, limit: int) -> Block | None:
-        """Play cycles of the one program that runs, to the same effect as `cycle`.
+        """Play several cycles of the one program that runs, with the same results as `cycle`.
 
-        A regular cycle has to follow. Only for simulated drives, and on a virtual clock.
+        A single cycle has to follow. Only for simulated drives on a virtual clock.
 
         Args:
-            time: executor time of the first cycle [s]. limit: cycles at the most.
+            time: executor time of the first cycle [s]. limit: most cycles.
 
         Returns:
-            The cycles played; None where the next one is no such cycle.
+            The cycles played; None where the next cycle has to be played singly.
         """
         if self.bank.shaper is not None or self.bank.pairs or self._cycle.couplings.engaged:
-            # what was ordered before goes on to act in each cycle, and leaders are looked at in each
+            # shapers, gantries and couplings act in each cycle
             return None
         running = [slot for slot in self._used if slot.running]
         quiet = self._mailbox.changes == self._changes and self._mailbox.estop == self._estop_seen
@@ -246,10 +243,10 @@ class Executor:
         return block
 
     def _path_speeds(self, slot: int, axes: int) -> Array:
-        """Return the speed of axes of a slot together along its path in this cycle, shape (1,)."""
+        """Return the path speed of axes of a slot in this cycle, shape (1,)."""
         velocity = self._row.velocity
         if self.bank.shaper is not None:
-            # the work goes with what is added
+            # the work moves with the superimposed motion, so it is no path speed
             velocity = velocity - self.bank.shaper.added_velocity
         return self._slots[slot].path_speeds(velocity[None], axes)
 
@@ -260,12 +257,12 @@ class Executor:
         self._stop(SlotState.STOPPED if code is None else SlotState.FAULTED)
 
     def warn(self, code: FaultCode) -> None:
-        """Report something about the machine as a whole."""
+        """Report a fault of the machine as a whole."""
         self._cycle.fault(code, -1, 0)
 
     @property
     def timed(self) -> bool:
-        """Whether a program stands at a dwell, or at an input for a limited time."""
+        """Whether a program waits at a dwell or for an input."""
         return any(isinstance(slot.barrier, Dwell | InputWait) for slot in self._used if slot.running)
 
     @property
@@ -276,7 +273,7 @@ class Executor:
         )
 
     def _read_inputs(self) -> None:
-        """Take the inputs of this cycle, and do what they ask of the machine."""
+        """Read the inputs of this cycle, and hold or stop the machine as they require."""
         io, cycle = self._io, self._cycle
         io.after_exchange(cycle.time)
         if io.lost:
@@ -290,7 +287,7 @@ class Executor:
                 cycle.fault(FaultCode.INTERLOCK_FREE, -1, 0, values=(float(column), io.value(column)))
             self._holding = io.holding
             if io.holding:
-                # nobody could resume what no program owns: it ends
+                # motion without a program could not be resumed: stop it
                 stop_independent(cycle, self.bank.all & ~self._owned(), -1)
         if io.holding:
             for slot in self._used:
@@ -300,14 +297,14 @@ class Executor:
             self._latch_estop(FaultCode.INTERLOCK_STOP, (float(io.stopping[0]), io.value(io.stopping[0])))
 
     def _hold_before_zones(self) -> None:
-        """Hold programs whose motion comes into zones that are on, or is in them."""
+        """Hold programs whose motion enters zones that are on, or is in them."""
         io, cycle = self._io, self._cycle
         met = [slot for slot in self._used if slot.zones_on]
         for slot in met:
             if slot.running and not slot.interlocked:
                 column, bit = io.switching(slot.zones_on)
                 values = (float(column), float(bit))
-                # before anything has moved on a resume that comes too early
+                # on a resume while the zone is still on: before anything has moved
                 cycle.emit(
                     EventKind.FAULT,
                     slot.index,
@@ -319,15 +316,15 @@ class Executor:
                 slot.interlock()
         unowned = self.bank.all & ~self._owned() & self.motions.mask if met else 0
         if unowned:
-            # nobody could resume what no program owns: it ends
+            # motion without a program could not be resumed: stop it
             stop_independent(cycle, unowned, -1)
 
     def _stall(self, seconds: float) -> None:
-        """End all motion where it is: the drives got no setpoint for longer than they bridge.
+        """End all motion on the spot: drives got no setpoint for longer than they bridge.
 
-        In real time the command has stood still, whatever its speed was, and the drives hold or have failed.
-        Going on would be a step of velocity; going on from rest would be a mark in the work of which nobody
-        was asked, after a time in which neither holds nor inputs were read. So it is a fault.
+        The commanded position has stood still meanwhile, whatever its speed was, and the drives hold or have
+        failed. Going on at speed would be a step of velocity; going on from rest would leave a mark in the
+        work, after a time in which neither holds nor inputs were read. So it is a fault.
         """
         cycle, limit = self._cycle, self.machine.stall_limit_s
         self.bank.stall(round(seconds / cycle.cycle_s) - 1)
@@ -352,8 +349,8 @@ class Executor:
         self._stop(SlotState.FAULTED)
 
     def close(self) -> None:
-        """De-energize every drive and give the buses back."""
-        # nothing is left for a collection: it never runs in the executor's process
+        """De-energize every drive and close the buses."""
+        # break reference cycles: the garbage collector is off in the executor's process
         self._cycle.shifted.clear()
         self._cycle.couplings.forget(self.bank.all)
         self._io.make_safe()
@@ -377,7 +374,7 @@ class Executor:
             self._reset_seen = machine.reset
             self._reset_wanted |= machine.reset_mask & self.bank.all | _RESET_ASKED
             self._reset_estop = machine.reset_estop
-            # programs and outputs of this cycle were ordered behind it
+            # orders of programs and outputs in this cycle came after it
             self._care_for_latches()
         if self._has_io:
             self._io.obey(mailbox, locked=self._cycle.estop)
@@ -430,7 +427,7 @@ class Executor:
         self._stop(SlotState.FAULTED)
 
     def _care_for_latches(self) -> None:
-        """De-energize what has come to rest in an emergency stop; then reset what orders ask for."""
+        """De-energize axes that have come to rest in an emergency stop; then carry out requested resets."""
         bank = self.bank
         stopping = 0
         for slot in self._slots:
@@ -442,13 +439,13 @@ class Executor:
             if still:
                 bank.off(still)
         if self._reset_estop < self._estop_seen:
-            # asked for before the latest stop, which nobody has reset
+            # requested before the latest stop, which it does not reset
             self._reset_wanted = 0
         elif self._reset_estop > self._estop_seen:
-            # a stop that came before it is seen in the next cycle
+            # a stop that came before the reset is seen in the next cycle
             return
         if self._io.stopping:
-            # what has stopped the machine is still there
+            # the cause of the stop is still there
             self._reset_wanted = 0
         if self._reset_wanted and not (self._cycle.estop and (stopping or self.motions.mask)):
             mask = self._reset_wanted & bank.fault
@@ -467,9 +464,7 @@ class Executor:
             slot.advance()
 
     def _motion_rates(self) -> dict[int, float]:
-        """Return the rates of position motions by slot; those that outlive their program follow the machine's
-        orders.
-        """
+        """Return the rates of position motions by slot; -1: the machine's, for those without a program."""
         if not self.motions.mask:
             return {}
         rates = {slot.index: slot.rapid_rate for slot in self._slots}

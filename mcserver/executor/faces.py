@@ -1,4 +1,4 @@
-"""What an executor in a process of its own and one on a virtual clock have in common."""
+"""The interface of an executor for its server, in a process of its own or on a virtual clock."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class ExecutorFaces(ABC):
     @property
     @abstractmethod
     def parts(self) -> SharedParts:
-        """Raises RuntimeError: the executor has not been started."""
+        """The shared memory; raises RuntimeError before the executor has been started."""
 
     @property
     def mailbox(self) -> CommandMailbox:
@@ -37,10 +37,10 @@ class ExecutorFaces(ABC):
         unhomed: bool = False,
         envelope: Envelope | None = None,
     ) -> ProgramRing:
-        """Begin a program in a free slot; without a mask on all axes.
+        """Begin a program in a free slot; without a mask it may move all axes.
 
         Returns:
-            Where its rows and control entries are put.
+            The rings of its rows and control entries.
         """
         ring = self.sink(slot)
         mask = (1 << len(self.machine.axes)) - 1 if axes_mask is None else axes_mask
@@ -50,7 +50,7 @@ class ExecutorFaces(ABC):
         return ring
 
     def sink(self, slot: int) -> ProgramRing:
-        """Return where the program in a slot puts its rows and control entries."""
+        """Return the rings of the program in a slot."""
         return self.parts.rings[slot]
 
     @property

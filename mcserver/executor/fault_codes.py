@@ -1,4 +1,4 @@
-"""Codes of what can go wrong while running; docs/executor.md has a remedy for each."""
+"""Codes of faults at run time; docs/executor.md has a remedy for each."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ def remedy_of(
     """Return a sentence and a hint for a FAULT event, from its code, axis number and values.
 
     Args:
-        axis: its number, or what stands for any. inputs, outputs: names of the machine's.
+        axis: its number, or a placeholder. inputs, outputs: names of the machine's.
     """
     message, hint = _TEXT.get(code, ("the executor reports a fault", "see docs/executor.md"))
     detail = int(values[1]) if len(values) > 1 and code in _DETAILED else 0
@@ -157,7 +157,7 @@ def remedy_of(
     return text, hint.format(axis=axis, input=name)
 
 
-# Faults whose first value is the column of an input, or behind these of an output.
+# Faults whose first value is the column of an input or, counted after the inputs, of an output.
 _OF_CHANNELS = frozenset(
     {
         FaultCode.INPUT_TIMEOUT,
@@ -170,7 +170,7 @@ _OF_CHANNELS = frozenset(
 )
 
 
-# Faults whose second value is a number of the drive's, or of a standard.
+# Faults whose second value is an error code of the drive or of a standard.
 _DETAILED = frozenset(
     {
         FaultCode.DRIVE_FAULT,

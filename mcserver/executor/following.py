@@ -1,8 +1,8 @@
-"""Axes that follow streamed targets: the barrier at which a program of servo mode stands.
+"""Axes that follow streamed targets: the barrier at which a program of servo mode waits.
 
-What reaches it may be late, wrong or nothing: `TargetFollower` keeps velocity, acceleration, jerk and travel
-whatever it is, torques by a share of them (`mcserver.motion.limits.torque_in_box`), and a silence longer than
-the newest message counts ends the program by a stop within them.
+Targets may be late, wrong or missing. For any targets `TargetFollower` keeps velocity, acceleration, jerk and
+travel, and by a share of these the torques (`mcserver.motion.limits.torque_in_box`). A silence longer than
+the newest message is valid ends the program by a stop within these limits.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ class Follows(Barrier):
     """The barrier at which u stands while axes follow targets.
 
     Args:
-        axes: mask of columns, all energized and at rest. slot: whose they are. box: the targets.
+        axes: mask of columns, all energized and at rest. slot: their program's. box: the targets.
         rate: the slot's share of speed, 0 in feed hold.
-        bounds: of each of them, beside its travel and speed; one that is outside may come back.
-        share: as of `followed_axis`.
-        lost: called once with the seconds since the newest targets came and those that they counted for,
-            where no more have come in time; it stops the axes.
+        bounds: of each axis, besides its travel and speed; an axis that is outside may come back.
+        share: as in `followed_axis`.
+        lost: called once when no targets have come in time, with the seconds since the newest ones and the
+            seconds for which these were valid; it stops the axes.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class Follows(Barrier):
     def before(self, left: float, held: bool) -> float | None:  # noqa: ARG002
         """Let a cycle pass; all of ``left`` is left once the axes stand and no more targets are to come."""
         if left <= 0.0:
-            # it was put up behind this cycle's exchange
+            # the barrier was made after this cycle's exchange
             return None
         now, follower = self._cycle.time, self._follower
         if self._box.count != self._seen:
@@ -81,14 +81,14 @@ class Follows(Barrier):
         newest, closing = follower.newest, self._box.closing
         lost = newest is not None and not now <= newest.until
         if closing and follower.rests:
-            # nobody is to speak any more, and the way is known to its end
+            # no more targets are to come, and the known ones end at rest
             lost = False
         follower.step(np.array([now]), 0.0 if newest is None or lost else self._rate())
         row = self._cycle.row
         row.ordered[self._columns] = follower.states[:, POSITION]
         row.ordered_velocity[self._columns] = follower.states[:, VELOCITY]
         if lost and newest is not None and not closing:
-            # the stop goes on from the first cycle of it
+            # the step above was the first cycle of the stop
             self._lost(now - newest.stamp, newest.until - newest.stamp)
         elif closing and follower.stands and (lost or newest is None or follower.arrived):
             self._cycle.motions.drop(self._axes)
@@ -98,13 +98,13 @@ class Follows(Barrier):
     def _take(self) -> None:
         count = self._box.count
         newest = self._box.newest(len(self._columns))
-        # overwritten meanwhile: the next cycle reads what has come
+        # None where it was overwritten meanwhile: the next cycle reads the newest
         if newest is not None:
             self._seen = count
             self._follower.take(newest)
 
 
 def _bounded(axis: Axis, bounds: Bounds) -> Axis:
-    """Return an axis whose travel and speed are no more than what it may use."""
+    """Return an axis with its travel and speed restricted to bounds."""
     low, high, speed = bounds.within(Bounds(axis.min_position, axis.max_position, axis.max_velocity))
     return msgspec.structs.replace(axis, min_position=low, max_position=high, max_velocity=speed)

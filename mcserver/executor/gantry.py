@@ -1,7 +1,7 @@
-"""Gantry pairs in the cycle: one setpoint for two drives, and the skew between them.
+"""Gantry pairs: one setpoint for two drives, and supervision of the skew between them.
 
-A second drive gets its leader's setpoint, with the difference that the two had when both were energized, so
-that nothing jumps. Homing gives each side its own reference, and takes that difference away.
+The follower gets the leader's setpoint plus the difference that the two had when both were energized, so that
+nothing jumps. Homing gives each side its own reference, and removes that difference.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from mcserver.machine.machine_file import Machine
 
 
 class GantryPair:
-    """A leader and its second drive.
+    """A leader and its follower.
 
     Args:
         leader, follower: columns. max_skew: [m or rad].
@@ -23,18 +23,18 @@ class GantryPair:
         self._bank = bank
         self.leader, self.follower, self.max_skew = leader, follower, max_skew
         self.mask = 1 << leader | 1 << follower
-        # by which the follower's setpoint is further; not known while the two are not tied
+        # follower's setpoint minus leader's; undefined while the two are not tied
         self._ahead = 0.0
         self._tied = False
-        # of sides that have no reference, their difference as they were energized
+        # difference of the sides when they were energized
         self._start: float | None = None
         self._beyond = False
 
     def tie(self, moved: int) -> None:
-        """Let the follower follow from the next cycle on, where both are held and at rest.
+        """Tie the follower to the leader from the next cycle on, if both hold and are at rest.
 
         Args:
-            moved: columns that move by themselves.
+            moved: columns in independent motion.
         """
         bank, row, leader, follower = self._bank, self._row, self.leader, self.follower
         if self.mask & ~(bank.energized & bank.positioned):
@@ -42,13 +42,13 @@ class GantryPair:
             return
         if self._start is None:
             self._start = float(row.actual[follower] - row.actual[leader])
-        # what moves is not tied on the way, or the follower would jump to its speed
+        # a moving leader is not tied: the follower would jump to its speed
         if not self._tied and not moved & self.mask and row.ordered_velocity[leader] == 0.0:
             self._ahead = float(row.ordered[follower] - row.ordered[leader])
             self._tied = True
 
     def follow(self, moved: int) -> None:
-        """Set the follower's setpoint of this cycle; ``moved``: as of `tie`."""
+        """Set the follower's setpoint of this cycle; ``moved``: as in `tie`."""
         row, leader, follower = self._row, self.leader, self.follower
         if self.mask & ~self._bank.energized or moved >> follower & 1:
             self._tied = False
@@ -64,17 +64,18 @@ class GantryPair:
             self._start += more
 
     def skew(self, homed: int) -> float:
-        """Return by how much the follower is further than the leader; of sides that are not both homed, by
-        how much more than as they were energized [m or rad].
+        """Return follower minus leader [m or rad].
+
+        Unless both sides are homed, relative to that difference when they were energized.
         """
         difference = float(self._row.actual[self.follower] - self._row.actual[self.leader])
         return difference if not self.mask & ~homed else difference - (self._start or 0.0)
 
     def breaks(self, homed: int, moved: int) -> float | None:
-        """Return a skew beyond the limit: as it comes to be, and while the pair moves; None: it is within.
+        """Return a skew beyond the limit, when it first exceeds that and while the pair moves; else None.
 
         Args:
-            homed: columns that have their references. moved: columns that move by themselves.
+            homed: columns that have their references. moved: columns in independent motion.
         """
         if self._start is None:
             self._beyond = False
@@ -109,7 +110,7 @@ class GantryPairs:
             pair.shift(column, distance)
 
     def broken(self, homed: int) -> list[tuple[GantryPair, float]]:
-        """Look at the fresh feedback; return the pairs whose skew is beyond its limit, each with it."""
+        """Return the pairs whose skew exceeds its limit by the fresh feedback, each with the skew."""
         for pair in self.pairs:
             pair.tie(self._motions.mask)
         found = ((pair, pair.breaks(homed, self._motions.mask)) for pair in self.pairs)

@@ -1,24 +1,23 @@
-"""From speed or torque mode back to position mode, at rest."""
+"""Bring axes from speed or torque mode to rest in position mode."""
 
 from __future__ import annotations
 
 from mcserver.drives.bus import DriveMode
 from mcserver.executor.cycle import Cycle
 
-# A speed command's setpoint is kept where its encoder is no further behind than the axis goes in this time
-# [s].
+# A speed command's setpoint is kept if the encoder lags by no more than the axis's travel in this time [s].
 KEPT_LAG_S = 0.01
 
 
 def hold_position(cycle: Cycle, mask: int, slot: int, left: float = 0.0) -> None:
     """Bring axes in speed or torque mode to rest in position mode, within their limits.
 
-    The setpoint goes on from the one before; where the encoder is far from it (a torque, or a speed that was
+    The setpoint continues from the last one; where the encoder is far from it (a torque, or a speed that was
     never reached), from the encoder.
 
     Args:
         slot: whose motion it is, -1: the machine's.
-        left: what is left of the cycle [cycles].
+        left: rest of the cycle [cycles].
     """
     bank, row, motions = cycle.bank, cycle.row, cycle.motions
     for column in bank.masks.columns(mask & bank.energized):
@@ -26,7 +25,7 @@ def hold_position(cycle: Cycle, mask: int, slot: int, left: float = 0.0) -> None
         axis = cycle.machine.axes[column]
         lag = abs(float(row.setpoint[column] - row.actual[column]))
         if bank.delayed[column]:
-            # feedback over a bus is behind by some cycles, in which the axis went on
+            # feedback over a bus is delayed by some cycles, in which the axis has moved on
             behind = (bank.delay_cycles + 1) * cycle.cycle_s * abs(float(row.velocity[column]))
             lag = max(0.0, lag - behind)
         kept = bool(bank.speed & bit) and lag <= min(axis.max_following_error, axis.max_velocity * KEPT_LAG_S)
@@ -43,11 +42,11 @@ def hold_position(cycle: Cycle, mask: int, slot: int, left: float = 0.0) -> None
 
 
 def stop_independent(cycle: Cycle, mask: int, slot: int) -> None:
-    """Bring axes to rest that move by themselves, hold a speed or a torque, or wait for their drives."""
+    """Bring axes to rest that are in independent motion, hold a speed or torque, or wait for their drives."""
     bank, motions = cycle.bank, cycle.motions
     for column in bank.masks.columns(mask & motions.mask & ~bank.speed):
         motions.halt(column, slot, jerk=not cycle.estop)
     hold_position(cycle, mask & (bank.speed | bank.torque_mode), slot)
     if mask & bank.homing:
-        # its own homing moves the axis: the drive stops it too
+        # in its own homing the drive moves the axis, and has to stop it
         bank.stop(mask & bank.homing)

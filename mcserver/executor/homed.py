@@ -1,4 +1,4 @@
-"""Which axes know where they are, and the one place where a position is given to an axis."""
+"""The references of the axes: which axes are homed, and how an axis gets its position."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.stored_reference import StoredReference
 from mcserver.machine.machine_file import Machine
 
-# Faults after which an encoder without a reference of its own may have counted wrong, or from anew.
+# Faults after which an incremental encoder may have lost counts or restarted.
 LOSING = frozenset(
     {
         FaultCode.DRIVE_SILENT,
@@ -25,15 +25,15 @@ LOSING = frozenset(
 
 
 class HomedAxes:
-    """The references of a machine's axes; those without ``[axis.homing]`` always know where they are.
+    """The references of a machine's axes; axes without ``[axis.homing]`` are always homed.
 
     Args:
         assume: every axis counts as homed, as in simulations.
-        shifted: called with a column and a distance where its positions read that much more from now on; the
-            list may grow.
+        shifted: functions to call with a column and the distance that is added to its positions; the list may
+            grow.
 
     Attributes:
-        mask: columns that know where they are. required: columns that programs move only then.
+        mask: homed columns. required: columns that programs may move only once homed.
         absolute: columns whose reference outlives a loss of power. assumed: as ``assume``.
     """
 
@@ -61,7 +61,7 @@ class HomedAxes:
         self.mask = bank.all if assume else bank.all & ~kept
 
     def restore(self, references: Mapping[int, StoredReference]) -> None:
-        """Take references of an earlier start, by axis number, where they hold; before the first cycle."""
+        """Restore references of an earlier start, by axis number, if still valid; before the first cycle."""
         for column, axis in enumerate(self._machine.axes):
             stored = references.get(axis.index)
             if stored is None or axis.homing is None:
@@ -73,7 +73,7 @@ class HomedAxes:
 
     @property
     def missing(self) -> int:
-        """Return the columns that have no reference: their soft limits do not count."""
+        """Return the columns without a reference, whose soft limits do not apply."""
         return self._bank.all & ~self.mask
 
     def barred(self, axes: int) -> int:
@@ -87,19 +87,19 @@ class HomedAxes:
         return float(bank.row.actual[column] - bank.offset[column] + correction)
 
     def refer(self, column: int, position: float, at: float) -> None:
-        """Give a column its reference: what reads ``at`` now, reads ``position`` from now on [m or rad].
+        """Give a column its reference: the position that is ``at`` now becomes ``position`` [m or rad].
 
-        The drive notices nothing, and the following error stays.
+        The drive does not move, and the following error stays.
         """
         self._shift(column, position - at)
         self.mask |= 1 << column
 
     def forget_offset(self, column: int) -> None:
-        """Let a column's position be its encoder's reading."""
+        """Make a column's position equal to its encoder's reading."""
         self._shift(column, -float(self._bank.offset[column]))
 
     def lose(self, mask: int, *, absolute_too: bool = False) -> int:
-        """Let columns have no reference any more; return those that had one until now."""
+        """Remove the references of columns; return the columns that had one."""
         lost = mask & self.mask & self._kept
         if not absolute_too:
             lost &= ~self.absolute

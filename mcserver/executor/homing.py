@@ -1,8 +1,9 @@
-"""Homing in the cycle: each axis goes to its reference by moves of its own, and u stands meanwhile.
+"""Homing: each axis finds its reference by independent moves while u waits.
 
-An axis with a switch or a hard stop goes there fast, backs off, comes again slowly, and that contact counts;
-on request it goes on to the encoder's index, away from the switch. Every move has a longest distance, so that
-a switch that never comes ends as a fault. A hold stops these moves and goes on with them, an abort ends them.
+An axis with a switch or a hard stop approaches it fast, backs off, and approaches again slowly: the second
+contact is the reference. If configured, it then moves away from the switch to the encoder's index. Every move
+has a longest distance, so that a missing switch is a fault. A feed hold interrupts these moves, an abort ends
+them.
 """
 
 from __future__ import annotations
@@ -19,29 +20,29 @@ from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.trajectories import MotionLimits, TrajectoryError
 from mcserver.machine.homing_section import Homing
 
-# An axis counts as blocked while it is slower than this share of its setpoint's speed …
+# An axis is at a hard stop if it is slower than this share of its setpoint's speed …
 BLOCKED_SHARE = 0.5
 # … and its torque is above the threshold for so many cycles.
 BLOCKED_CYCLES = 3
-# A drive that has homed itself is taken back once it has stood for so many cycles.
+# A drive that has homed itself goes back to position mode once it has stood still for so many cycles.
 STANDING_CYCLES = 10
 # Turns of the motor within which an index has to come.
 INDEX_TURNS = 1.5
 
-# Where the two sides of a gantry pair wait for each other: before the search, on the switch, behind it, on it
-# again, and once both have their references.
+# Points at which the two sides of a gantry pair wait for each other: before the search, on the switch, after
+# backing off, and once both have their references.
 _RELEASED, _FOUND, _BACKED_OFF, _REFERRED = 1, 2, 3, 5
 
 
 class AxisHoming:
-    """One axis on its way to its reference.
+    """Homing of one axis.
 
     Args:
         rate: the slot's share of speed, 0 in feed hold.
 
     Attributes:
-        column: its own. partner: the other side of a gantry pair; None: it has none.
-        met, seen: how far the two have come, each at the last cycle's end.
+        column: of the axis. partner: the other side of a gantry pair; None: it has none.
+        met, seen: waiting points that the two sides have reached, at the last cycle's end.
     """
 
     def __init__(
@@ -68,7 +69,7 @@ class AxisHoming:
         self.phase = HomingPhase.START
 
     def step(self) -> bool:
-        """Look at the fresh feedback and go on; True: the axis is homed and at rest.
+        """Advance by one cycle, with fresh feedback; return True once the axis is homed and at rest.
 
         Raises:
             BarrierFault: it cannot be homed.
@@ -89,7 +90,7 @@ class AxisHoming:
     def _input_column(self) -> int | None:
         """Return the column of the input that is the switch; None: the switch is the drive's.
 
-        A simulated drive that has a switch moves the simulated input that stands for it.
+        A simulated drive with a switch sets the corresponding simulated input.
         """
         number = self._homing.input
         for column, each in enumerate(self._cycle.machine.inputs):
@@ -107,7 +108,7 @@ class AxisHoming:
         return bool(cycle.bank.inputs[self.column] & HOME_SWITCH) != homing.invert
 
     def _edge_at(self) -> float:
-        """Return where the switch changed: as the drive latched it, else between the last two readings."""
+        """Return the position of the switch's edge: latched by the drive, else between two readings."""
         actual = float(self._cycle.row.actual[self.column])
         latched = float(self._cycle.bank.switch_at[self.column])
         low, high = sorted((self._before, actual))
@@ -116,7 +117,7 @@ class AxisHoming:
         return 0.5 * (self._before + actual)
 
     def _blocked(self) -> bool:
-        """Return True once the axis has stood against its torque for some cycles."""
+        """Return True once the axis has been blocked for `BLOCKED_CYCLES`."""
         row, column = self._cycle.row, self.column
         speed = float(row.velocity[column])
         pushes = float(row.torque[column]) * self._homing.direction >= self._homing.torque
@@ -125,7 +126,7 @@ class AxisHoming:
         return self._cycles >= BLOCKED_CYCLES
 
     def _touches(self) -> bool:
-        """Return True in the cycle in which contact is made; `_contact` is where."""
+        """Return True in the cycle in which contact is made, at `_contact`."""
         if self._stops:
             self._contact = float(self._cycle.row.actual[self.column])
             return self._blocked()
@@ -152,7 +153,7 @@ class AxisHoming:
         return bool((self._cycle.motions.mask | self._cycle.settling) & self._bit)
 
     def _go(self, distance: float, velocity: float) -> None:
-        """Move from here, positive towards the reference [m or rad]."""
+        """Move by a distance, positive towards the reference [m or rad]."""
         self._go_to(float(self._cycle.row.ordered[self.column]) + self._homing.direction * distance, velocity)
 
     def _go_to(self, target: float, velocity: float) -> None:
@@ -166,7 +167,7 @@ class AxisHoming:
         self._cycle.motions.halt(self.column, self._slot)
 
     def _meets(self, point: int) -> bool:
-        """Return whether the other side of a pair has come to this point too, or there is none."""
+        """Return whether the other side of a pair has reached this point too, or there is none."""
         self.met = point
         return self.partner is None or self.seen >= point
 
@@ -223,13 +224,13 @@ class AxisHoming:
         if not self._moving:
             raise self._fault(self._missing, self._homing.travel)
         if self.partner is not None and self.partner.phase is HomingPhase.BACK_OFF and not self._alone:
-            # the other side stops at its switch: this one goes on slowly to its own
+            # the other side has stopped at its switch: this one goes on slowly to its own
             self._alone = True
             self._go(self._homing.travel, self._homing.latch_velocity)
         return None
 
     def _back_off(self) -> HomingPhase | None:
-        """Stop behind the contact, then move away from it."""
+        """Stop after the contact, then move away from it."""
         homing = self._homing
         away = self._contact - homing.direction * homing.back_off
         setpoint = float(self._cycle.row.ordered[self.column])
@@ -284,10 +285,10 @@ class AxisHoming:
             return None
         target = homing.then_move_to
         if target is None and self.partner is not None and self._axis.gantry is not None:
-            # the second drive comes to where its leader is
+            # the follower moves to its leader's position
             target = float(self._cycle.row.ordered[self.partner.column])
         if target is None and self._stops:
-            # off the stop, or it would be pushed on and on
+            # move off the stop, or the axis would keep pushing against it
             target = (homing.position or 0.0) - homing.direction * homing.back_off
         if target is None:
             return HomingPhase.DONE
@@ -298,11 +299,11 @@ class AxisHoming:
         return None if self._moving else HomingPhase.DONE
 
     def _drive(self) -> HomingPhase | None:
-        """Wait for the homing of the drive itself: its own fault or the time of its section ends it."""
+        """Wait for the drive's own homing; its fault or the configured time-out ends it."""
         bank, row = self._cycle.bank, self._cycle.row
         if bank.states[self.column] != DriveState.HOMED or not bank.fresh[self.column]:
             return None
-        # its reading may jump to its home a moment before or behind that
+        # its reading may jump to the home position shortly before or after that
         still = abs(float(row.actual_velocity[self.column])) <= bank.standing_speed[self.column]
         self._cycles = self._cycles + 1 if still else 0
         if self._cycles < STANDING_CYCLES:
@@ -349,7 +350,7 @@ _STEPS: Mapping[HomingPhase, Callable[[AxisHoming], HomingPhase | None]] = Mappi
 
 
 class Homes(Barrier):
-    """The barrier at which u stands while axes are homed together."""
+    """The barrier at which u waits while axes are homed together."""
 
     def __init__(self, cycle: Cycle, axes: int, slot: int, rate: Callable[[], float]) -> None:
         self._homings: list[AxisHoming] = []
@@ -370,13 +371,13 @@ class Homes(Barrier):
     def after(self, held: bool) -> bool:  # noqa: ARG002
         for each in self._homings:
             each.seen = 0 if each.partner is None else each.partner.met
-        # all of them, every cycle: one that waits would miss its switch
+        # step all of them in every cycle: an axis that is left out would miss its switch
         done = [each.step() for each in self._homings]
         return all(done)
 
 
 class Refers(Barrier):
-    """The barrier that gives axes at rest their positions, in the cycle after it was put up."""
+    """The barrier that gives axes at rest their positions, in the cycle after it was made."""
 
     def __init__(self, cycle: Cycle, axes: int, values: tuple[float, ...], slot: int) -> None:
         self._cycle = cycle

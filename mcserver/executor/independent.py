@@ -1,9 +1,10 @@
-"""Independent motion: one Ruckig trajectory an axis, sampled each cycle (G00, G1020, G1030, stops).
+"""Independent motion: one Ruckig trajectory per axis, sampled each cycle (G00, G1020, G1030, stops).
 
-A trajectory is calculated once, from the axis's setpoint state at the exact moment of the command, so a
-command to a moving axis supersedes it within the axis's limits. Feed hold and overrides below 100 % supersede
-position motions likewise: a hold by a stop, an override by its share of the axis's speed. So every order
-keeps velocity, acceleration and jerk. Speed commands and stops follow neither.
+A trajectory is calculated once, from the axis's setpoint state at the exact time of the command, so a command
+to a moving axis supersedes its motion within the axis's limits. Feed hold and overrides below 100 % supersede
+position motions likewise: a hold by a stop, an override by a trajectory with its share of the axis's speed.
+So all of them keep velocity, acceleration and jerk. Feed hold and override do not affect speed commands and
+stops.
 """
 
 from __future__ import annotations
@@ -22,21 +23,21 @@ from mcserver.executor.trajectories import MotionLimits, State, TrajectoryError,
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.canonical import SurfaceSpeed
 
-# a spindle led by the radius is commanded anew where its speed is to differ by this share
+# constant surface speed commands a spindle again when its speed has to change by this share
 SURFACE_SHARE = 0.002
 
 
 class IndependentMotions:
-    """All axes that move by themselves.
+    """The independent motions of all axes.
 
     Attributes:
-        mask: their columns. speeding: those among them that hold a speed. halting: those that come to a halt.
-        unlimited: columns whose soft limits do not count.
-        goals: by column, target and greatest speed of the latest position motion, also once it has ended;
-            none after any other motion, and while it is held.
-        pending: columns whose motion does not end before their drives have ended theirs.
+        mask: columns in motion. speeding: those that hold a speed. halting: those that come to a halt.
+        unlimited: columns whose soft limits do not apply.
+        goals: by column, target and greatest speed of the latest position motion, also after its end; none
+            after any other motion, and while it is held.
+        pending: columns whose motion ends only once their drives have finished theirs.
         limited: columns that a soft limit stops since this cycle.
-        greatest_speeds: by column, that has been commanded so far [m/s or rad/s].
+        greatest_speeds: by column, commanded so far [m/s or rad/s].
     """
 
     def __init__(self, machine: Machine, row: FeedbackRow) -> None:
@@ -68,7 +69,7 @@ class IndependentMotions:
         rate: float,
         limits: MotionLimits | None = None,
     ) -> None:
-        """Move to a position; ``left``: what is left of this cycle [cycles], ``rate``: the slot's, up to 1.
+        """Move to a position; ``left``: rest of this cycle [cycles], ``rate``: the slot's, up to 1.
 
         Args:
             limits: of this motion; None: the axis's.
@@ -82,11 +83,11 @@ class IndependentMotions:
     def move_line(
         self, slot: int, targets: Mapping[int, float], left: float, rate: float, limits: MotionLimits
     ) -> None:
-        """Move along a straight line: the column that goes furthest leads, the others follow in proportion.
+        """Move along a straight line: the column with the longest travel leads, the others are proportional.
 
         Args:
-            targets: by column, all at rest [m or rad]; one of them differs from where it is.
-            limits: of the column that leads.
+            targets: by column, all at rest [m or rad]; at least one differs from its position.
+            limits: of the leading column.
         """
         start = {column: float(self._row.ordered[column]) for column in targets}
         lead = max(targets, key=lambda column: abs(targets[column] - start[column]))
@@ -110,10 +111,11 @@ class IndependentMotions:
         left: float,
         surface: tuple[int, SurfaceSpeed] | None = None,
     ) -> None:
-        """Go to a speed within the axis's limit, and hold it until superseded.
+        """Change to a speed within the axis's limit, and hold it until superseded.
 
         Args:
-            surface: column and law that give the speed, in the direction of ``velocity``, in each cycle.
+            surface: axis and constant surface speed that set the speed in each cycle, in the direction of
+                ``velocity``.
         """
         if surface is not None:
             velocity = math.copysign(surface[1].at(float(self._row.ordered[surface[0]])), velocity)
@@ -129,13 +131,17 @@ class IndependentMotions:
         self._pass(self._motions[column], left)
 
     def follow(self, column: int, slot: int, state: Array, limits: MotionLimits | None = None) -> None:
-        """Give an axis at rest to whoever sets ``state`` (`FollowingMotion`) and the row's setpoints in every
-        cycle, until it is halted, within ``limits`` (None: the axis's), or dropped."""
+        """Let the caller move an axis from rest, until it is halted or dropped.
+
+        Args:
+            state: that the caller sets in every cycle (`FollowingMotion`), with the row's setpoints.
+            limits: of a halt; None: the axis's.
+        """
         self._motions[column] = FollowingMotion(column, slot, limits or self._limits[column], state)
         self._remask()
 
     def halt(self, column: int, slot: int, left: float = 0.0, *, jerk: bool = True) -> None:
-        """Stop as soon as the limits allow; without ``jerk`` at full deceleration at once."""
+        """Stop as fast as the limits allow; without ``jerk`` the jerk is not limited."""
         motion = self._motions.get(column)
         if motion is not None:
             self._halt(column, slot, self.state(column, left), left, motion.limits, jerk=jerk)
@@ -143,7 +149,7 @@ class IndependentMotions:
     def halt_from(
         self, column: int, slot: int, state: State, left: float = 0.0, *, jerk: bool = True
     ) -> None:
-        """Stop from a given state, for instance that of a captured axis that coasts."""
+        """Stop from a given state, for instance of an axis that coasts as it is captured."""
         self._halt(column, slot, state, left, self._limits[column], jerk=jerk)
 
     def _halt(
@@ -155,9 +161,9 @@ class IndependentMotions:
         self._pass(self._motions[column], left)
 
     def rest(self, mask: int) -> None:
-        """End position motions and halts where their setpoints are: the drives stand there already.
+        """End position motions and halts at their present setpoints, where the drives stand already.
 
-        Speeds, and axes whose drives make the profiles themselves, are not touched: those went on.
+        Speeds, and axes whose drives generate the profile, are left alone: these have gone on.
         """
         mask &= self.mask & ~self.speeding & ~self._profiled
         for column, bit in enumerate(1 << column for column in range(len(self._axes))):
@@ -166,7 +172,7 @@ class IndependentMotions:
         self.drop(mask)
 
     def drop(self, mask: int) -> None:
-        """Forget motions; the setpoints stay where they are. Columns of a line that are left go on."""
+        """Drop motions; setpoints stay where they are. Other columns of a line go on."""
         for column in [column for column in self.goals if mask >> column & 1]:
             del self.goals[column]
         for column, motion in list(self._motions.items()):
@@ -180,11 +186,11 @@ class IndependentMotions:
         self._remask()
 
     def disown(self, slot: int) -> None:
-        """Let the axes of a program that has ended go on at the machine's rate."""
+        """Hand the motions of a program that has ended to the machine, whose rate applies from then on."""
         for motion in self._motions.values():
             if motion.slot == slot:
                 motion.slot = -1
-                # a spindle keeps its turns, whoever jogs the axis that led it
+                # a spindle keeps its speed when the axis that set it is jogged later
                 motion.surface = None
 
     # ------------------------------------------------------------------ states
@@ -205,11 +211,11 @@ class IndependentMotions:
         )
 
     def end_left(self, mask: int) -> float:
-        """Return how much of this cycle was left when the last of these axes came to rest [cycles]."""
+        """Return the rest of this cycle when the last of these axes came to rest [cycles]."""
         return min((left for column, left in self._left.items() if mask >> column & 1), default=1.0)
 
     def turning(self) -> int:
-        """Return the mask of the axes that a speed other than 0 is commanded to."""
+        """Return the mask of the axes with a commanded speed other than 0."""
         speeds = (each for each in self._motions.values() if each.kind is MotionKind.SPEED)
         return sum(1 << each.column for each in speeds if each.final[1] != 0.0)
 
@@ -226,7 +232,7 @@ class IndependentMotions:
         return [motion for motion in self._motions.values() if motion.slot == slot]
 
     def rest_behind_next(self, motion: Motion) -> float:
-        """Return where a motion would come to rest if it were halted in the next cycle [m or rad]."""
+        """Return the position at which a motion would rest if it were halted in the next cycle [m or rad]."""
         ahead = motion.at(motion.elapsed + self._cycle)
         stop = self._solver.to_velocity(motion.column, ahead, 0.0, motion.limits, jerk=True)
         return float(ahead[0] + stop.at_time(stop.duration)[0][0])
@@ -234,10 +240,10 @@ class IndependentMotions:
     # ------------------------------------------------------------------ blocks of rows
 
     def idle_cycles(self, rates: Mapping[int, float], limit: int) -> int:
-        """Return in how many of the next cycles, up to ``limit``, no motion ends or is superseded.
+        """Return how many of the next cycles, up to ``limit``, pass without an end or change of a motion.
 
         Args:
-            rates: as of `advance`, in all of these cycles.
+            rates: as in `advance`, in all of these cycles.
         """
         for motion in self._motions.values():
             if not limit:
@@ -249,7 +255,7 @@ class IndependentMotions:
             if motion.kind is MotionKind.SPEED:
                 axis = self._axes[motion.column]
                 if math.isfinite(axis.min_position) or math.isfinite(axis.max_position):
-                    # a soft limit is looked for in each cycle
+                    # soft limits are checked in each cycle
                     return 0
                 continue
             if motion.kind is MotionKind.POSITION and rates[motion.slot] != motion.rate:
@@ -258,7 +264,7 @@ class IndependentMotions:
         return limit
 
     def ahead(self, count: int, setpoint: Array, velocity: Array) -> None:
-        """Write what `advance` would set in the next cycles, ``count`` of its `idle_cycles`, to the bit.
+        """Write the setpoints of the next ``count`` of `idle_cycles`, bit-identical to `advance`.
 
         Args:
             setpoint, velocity: shape (count, K); written in the columns of motions.
@@ -296,27 +302,27 @@ class IndependentMotions:
                 continue
             if motion.kind is MotionKind.SPEED:
                 if motion.surface is not None and self._is_off(motion, motion.surface):
-                    # a share of no cycle passes: the new one begins where the old one is
+                    # the new motion begins in the present state: no time passes
                     self.speed(motion.column, motion.slot, motion.final[1], 0.0, motion.surface)
                     motion = self._motions[motion.column]
                 self._guard(motion)
             elif motion.kind is MotionKind.POSITION and rates[motion.slot] != motion.rate:
                 state = motion.at(motion.elapsed)
-                # where there is no such motion the one under way goes on, and the next cycle tries again
+                # if no trajectory is found the present one goes on, and the next cycle tries again
                 with contextlib.suppress(TrajectoryError):
                     rate = rates[motion.slot]
                     self._go(motion.column, motion.slot, state, motion.target, rate, motion.limits)
             self._pass(self._motions[motion.column], 1.0)
 
     def _is_off(self, motion: Motion, surface: tuple[int, SurfaceSpeed]) -> bool:
-        """Return whether the speed that a motion goes to is another one than the radius asks for now."""
+        """Return whether a motion's final speed is off the constant surface speed at the present radius."""
         wanted = surface[1].at(float(self._row.ordered[surface[0]]))
         return abs(abs(motion.final[1]) - wanted) > SURFACE_SHARE * wanted
 
     def _go(
         self, column: int, slot: int, state: State, target: float, rate: float, limits: MotionLimits
     ) -> None:
-        """Start a position motion from a state with a share of its speed; 0: to a stop on the way."""
+        """Start a position motion from a state with a share of the axis's speed; 0: stop on the way."""
         if rate > 0.0:
             trajectory = self._solver.to_position(column, state, target, limits, rate)
             self._start(column, slot, MotionKind.POSITION, trajectory, state[0], target, limits)
@@ -331,9 +337,9 @@ class IndependentMotions:
             self.pending |= self._profiled & 1 << column
 
     def _pass(self, motion: Motion, share: float) -> None:
-        """Let ``share`` of a cycle pass on a motion, and end it where it is over."""
+        """Advance a motion by ``share`` of a cycle, and end it when it is over."""
         column = motion.column
-        # the motion before it has come to rest in this cycle: not before that
+        # if the motion before it came to rest in this cycle, it starts then
         share = min(share, self._left.get(column, share))
         motion.elapsed += self._cycle * share
         position, velocity, _ = motion.at(motion.elapsed)
@@ -394,7 +400,7 @@ class IndependentMotions:
                 self.halting |= bit
 
     def _guard(self, motion: Motion) -> None:
-        """Let an axis that holds a speed stop on its soft limit, while it still can."""
+        """Stop an axis that holds a speed at its soft limit, while it still can."""
         axis = self._axes[motion.column]
         if self.unlimited >> motion.column & 1:
             return

@@ -1,4 +1,4 @@
-"""The machine's inputs and outputs in the cycle: values, scripts, debouncing, interlocks, safe values."""
+"""The machine's inputs and outputs: values, scripts, debouncing, interlocks, safe values."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from mcserver.executor.shm.feedback import FeedbackRow
 from mcserver.executor.shm.mailbox import CommandMailbox
 from mcserver.machine.machine_file import Machine
 
-# Who has set an output last, besides the number of a program's slot.
+# Owners of outputs, besides the slots of programs.
 NOBODY = -1
 OPERATOR = -2
-# Speeds at which a slot moves a mask of axes along a path in some cycles, 0 where it does not, shape (n,)
-# [m/s or rad/s]; of mask 0 those of all its axes.
+# From slot and mask of axes (0: all of its axes) to their path speeds in n cycles, 0 off a path, shape (n,)
+# [m/s or rad/s].
 SpeedsOf = Callable[[int, int], Array]
 # A scripted change is due in the first cycle that is not earlier than this [s].
 ROUNDING_S = 1e-9
@@ -27,14 +27,14 @@ class IoBank:
     """Inputs and outputs of one machine.
 
     Args:
-        row: has the values that are published: inputs as programs see them, outputs as exchanged.
-        buses: have those that are real; the others are simulated.
+        row: of the published values: inputs as programs see them, outputs as exchanged.
+        buses: of real inputs and outputs; the others are simulated.
 
     Attributes:
         holding, stopping: columns of the inputs that hold or stop the machine now.
-        zones: bits of `Clearance.switches` that have their zones on now.
-        lost: columns of inputs, and behind them of outputs, whose node is silent for the first time in this
-            cycle. missing: the first of those whose node is silent now; -1: none.
+        zones: bits of `Clearance.switches` whose zones are on now.
+        lost: columns of inputs and, counted after them, outputs whose node became silent in this cycle.
+            missing: the first whose node is silent now; -1: none.
     """
 
     def __init__(self, machine: Machine, row: FeedbackRow, buses: Sequence[IoBus] = ()) -> None:
@@ -45,7 +45,7 @@ class IoBank:
         self.holding: tuple[int, ...] = ()
         self.stopping: tuple[int, ...] = ()
         self.zones = 0
-        # of each switch the column of its input, and its level
+        # column of the input and level of each switch
         self._switches = switches_of(machine)
         self.lost: tuple[int, ...] = ()
         self.missing = -1
@@ -54,7 +54,7 @@ class IoBank:
             for column, each in enumerate(machine.inputs)
             if not (_never(each.hold_below, each.hold_above) and _never(each.stop_below, each.stop_above))
         ]
-        # values that the inputs' sources have, scaled; those that are simulated are set here
+        # scaled values of the inputs' sources; simulated ones are set here
         self._source: Array = np.array([each.initial for each in machine.inputs])
         self._patience = [math.ceil(each.debounce / machine.cycle_s - 1e-9) for each in machine.inputs]
         self._pending = [0] * len(machine.inputs)
@@ -70,10 +70,10 @@ class IoBank:
         self._orders_seen = 0
         self._input_counts = [0] * len(machine.inputs)
         self._output_counts = [0] * len(machine.outputs)
-        # as set; they are published as they are exchanged
+        # values as set; published when they are exchanged
         self._wanted: Array = np.array([each.initial for each in machine.outputs])
         self._owner = [NOBODY] * len(machine.outputs)
-        # lasers, with the columns of axes and their speed together that the value is for; 0: any
+        # by laser the mask of axes and the path speed at which it has its value; 0: not scaled
         self._lasers = {at: (0, 0.0) for at, each in enumerate(machine.outputs) if each.laser}
         row.inputs[:] = self._source
         row.outputs[:] = self._wanted
@@ -84,7 +84,7 @@ class IoBank:
     # ------------------------------------------------------------------ orders from outside
 
     def obey(self, mailbox: CommandMailbox, *, locked: bool) -> None:
-        """Take what operators and simulations have set since the last call.
+        """Apply the orders of operators and simulations since the last call.
 
         Args:
             locked: outputs stay at their safe values (emergency stop).
@@ -108,7 +108,7 @@ class IoBank:
                     self._moving = True
 
     def assume(self, inputs: Sequence[float], outputs: Sequence[float]) -> None:
-        """Let inputs and outputs have values at the start of a simulation; empty: the machine file's."""
+        """Set inputs and outputs at the start of a simulation; empty: keep the machine file's values."""
         if inputs:
             self._source[:] = self._row.inputs[:] = inputs
         if outputs:
@@ -119,20 +119,21 @@ class IoBank:
     # ------------------------------------------------------------------ outputs
 
     def set(self, column: int, value: float, owner: int) -> None:
-        """Let an output have a value from the next exchange on."""
+        """Set an output from the next exchange on."""
         self._wanted[column] = value
         self._owner[column] = owner
         self._written = False
 
     def scale(self, column: int, axes: int, speed: float) -> None:
-        """Let the power of a laser be in proportion to the speed of ``axes`` together, whole at ``speed``
-        [m/s or rad/s]; 0: whole at any.
+        """Scale the power of a laser by the path speed of ``axes``, full at ``speed`` [m/s or rad/s].
+
+        Speed 0: do not scale.
         """
         if column in self._lasers:
             self._lasers[column] = (axes, speed)
 
     def make_safe(self, owner: int | None = None) -> None:
-        """Give outputs their safe values: those that ``owner`` has set, or all."""
+        """Set outputs to their safe values: those that ``owner`` has set, or all."""
         for column, channel in enumerate(self._outputs):
             if owner is not None and self._owner[column] != owner:
                 continue
@@ -142,7 +143,7 @@ class IoBank:
         self._written = False
 
     def disown(self, owner: int) -> None:
-        """Keep the outputs of a program that has ended in order as they are."""
+        """Release the outputs of a program that has ended in order, which keep their values."""
         self._owner = [NOBODY if each == owner else each for each in self._owner]
         self._written = False
 
@@ -158,7 +159,7 @@ class IoBank:
     # ------------------------------------------------------------------ the cycle
 
     def before_exchange(self, speeds_of: SpeedsOf) -> None:
-        """Publish the outputs and hand them to their buses; ``speeds_of``: in this cycle."""
+        """Publish the outputs and pass them to their buses; ``speeds_of``: of this cycle."""
         if not self._written or self._lasers:
             self._written = True
             self.fill(self._row.outputs[None], speeds_of)
@@ -168,10 +169,10 @@ class IoBank:
                 bus.write_outputs(self._raw_outputs(columns))
 
     def fill(self, values: Array, speeds_of: SpeedsOf) -> None:
-        """Write what is published in n cycles in which outputs are set as they are now.
+        """Write the published outputs of n cycles in which none is set.
 
         Args:
-            values: shape (n, O), written. speeds_of: in these cycles.
+            values: shape (n, O), written. speeds_of: of these cycles.
         """
         values[:] = self._wanted
         for column, (axes, whole_at) in self._lasers.items():
@@ -200,7 +201,7 @@ class IoBank:
             self._look_at_interlocks()
 
     def idle_cycles(self, time: float, limit: int) -> int:
-        """Return how many cycles from ``time`` [s] on no input changes by itself, up to ``limit``."""
+        """Return for how many cycles from ``time`` [s] on no input changes by itself, up to ``limit``."""
         if self._moving or self._buses:
             return 0
         if self._scripted == len(self._script):
@@ -209,7 +210,7 @@ class IoBank:
         return max(0, min(limit, math.ceil(due)))
 
     def _debounce(self) -> bool:
-        """Let inputs follow their sources; return True while one is still waited for."""
+        """Update inputs from their sources; return True while one is being debounced."""
         values, waits = self._row.inputs, False
         for column in np.nonzero(self._source != values)[0].tolist():
             if self._pending[column] >= self._patience[column]:
@@ -234,7 +235,7 @@ class IoBank:
         )
 
     def switching(self, zones: int) -> tuple[int, int]:
-        """Return the column of the input that has one of these zones on, and the bit's number."""
+        """Return the column of an input that switches one of these zones on, and the number of its bit."""
         bit = (self.zones & zones).bit_length() - 1
         return self._switches[bit][0], bit
 
@@ -267,7 +268,7 @@ class IoBank:
 
 
 def switches_of(machine: Machine) -> list[tuple[int, bool]]:
-    """Return of each of `Clearance.switches` the column of its input, and its level."""
+    """Return the column of the input, and the level, of each of `Clearance.switches`."""
     columns = {each.number: at for at, each in enumerate(machine.inputs) if each.digital}
     switches = () if machine.clearance is None else machine.clearance.switches
     return [(columns[each.input], each.high) for each in switches]

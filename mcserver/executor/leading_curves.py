@@ -1,4 +1,4 @@
-"""Where a leader has the axis that follows it: an electronic gear, or a cam by its points."""
+"""Position of a following axis as a function of its leader's: an electronic gear, or a cam table."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from mcserver.machine.follow_section import Follow
 
 
 class LeadingCurve(Protocol):
-    """A place of the follower for each place of its leader, twice differentiable."""
+    """A twice differentiable function from the leader's position to the follower's."""
 
     def at(self, place: float) -> tuple[float, float, float]:
-        """Return value, slope and curvature at a place of the leader."""
+        """Return value, slope and curvature at a position of the leader."""
 
 
 class Gear:
@@ -27,14 +27,14 @@ class Gear:
 
 
 class Cam:
-    """A table; from point to point a polynomial of the fifth order without curvature at the points.
+    """A cam table; between points a polynomial of the fifth order with curvature 0 at the points.
 
     Between points with slope 0 that is the 3-4-5 polynomial of cams (Norton, Cam Design and Manufacturing
     Handbook, 2009, ch. 3).
 
     Args:
-        points: place, value and slope, the places ascending; two at the least.
-        repeats: goes on and on; else it stands beyond its ends.
+        points: leader's position, value and slope, ascending by position; at least two.
+        repeats: the cam is periodic; else it is constant beyond its ends.
     """
 
     def __init__(self, points: Sequence[tuple[float, float, float]], *, repeats: bool) -> None:
@@ -50,7 +50,7 @@ class Cam:
         if self._repeats:
             rounds = (place - first[0]) // self._length
             place, climbed = place - rounds * self._length, rounds * self._climb
-        # what is no number is led nowhere
+        # NaN: hold the value at an end
         if not first[0] <= place <= last[0]:
             return (first[1] if place < first[0] else last[1] if place > last[0] else place), 0.0, 0.0
         cell = min(bisect_right(self._places, place), len(self._points) - 1)

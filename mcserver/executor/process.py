@@ -1,7 +1,7 @@
 """The executor's process: ``python -m mcserver.executor.process``, with its machine on standard input.
 
-One thread, nothing else. It wakes at absolute deadlines; a wake-up that is a whole cycle late or more is
-counted and the missed cycles are left out, so motion is delayed by them and never jumps or bursts.
+It has one thread, which wakes at absolute deadlines. If a wake-up is late by a whole cycle or more, the
+missed cycles are counted and left out: motion is delayed by them, without a jump or a burst.
 """
 
 from __future__ import annotations
@@ -33,25 +33,29 @@ from mcserver.terminal import visible
 if TYPE_CHECKING:
     from mcserver.ethercat.mailbox_relay import MailboxServer
 
-# Without a beat of the server for this time motion is stopped [s]. A server that has died is noticed sooner,
-# as the parent process that is gone; this is about one that hangs. A loaded computer of two cores was seen to
-# keep a living server from beating for more than 0.5 s.
+# Motion is stopped after this time without a beat of the server [s]. This is for a server that hangs: one
+# that has died is noticed sooner, as the parent process is gone. A loaded computer of two cores has kept a
+# living server from beating for more than 0.5 s.
 SERVER_TIMEOUT_S = 2.0
 # How long axes are held after that stop before they are de-energized [s].
 HOLD_AFTER_STOP_S = 1.0
-# Motion that has not come to rest in this time, while ending, is cut off [s].
+# Longest time for motion to come to rest at the end of the process [s].
 STOP_TIMEOUT_S = 10.0
-# How often it is looked whether the parent process is still there [cycles]: what is played until then is run,
-# and is not in the journal of the server that has died.
+# Period of checking the parent process [cycles]: motion that is played until its death is noticed is missing
+# from the server's journal.
 PARENT_CYCLES = 8
-# The cycle follows a bus's clock with this time constant [cycles], at most by this part of a period a cycle.
+# Time constant with which the cycle follows a bus's clock [cycles].
 CLOCK_FILTER_CYCLES = 16
+# Greatest correction per cycle: the period divided by this.
 GREATEST_CORRECTION = 100
 
 
 class ServerWatch:
-    """Whether the server lives, by its beats. Counted in executed cycles, so that a stall of the whole
-    computer, server included, is no loss."""
+    """Watches the server by its beats and its process.
+
+    Time is counted in executed cycles, so that a stall of the whole computer, server included, does not count
+    as a loss.
+    """
 
     def __init__(self, mailbox: CommandMailbox, cycle_s: float, parent: int) -> None:
         self._mailbox = mailbox
@@ -82,9 +86,9 @@ def _has_clock(bus: DriveBus) -> TypeGuard[ClockedBus]:
 
 
 def clock_correction_ns(bus: ClockedBus, period: int) -> int:
-    """How much later the next cycle begins than a period after this one, to follow the bus's clock [ns].
+    """Return the correction of the next cycle's start, positive for later, to follow the bus's clock [ns].
 
-    Clocks differ by some 50 ppm, a loop of first order then is behind by less than a microsecond at 1 kHz.
+    Clocks differ by some 50 ppm, for which a first-order loop lags by less than a microsecond at 1 kHz.
     """
     error = bus.clock_error_ns
     if error is None:
@@ -96,10 +100,10 @@ def clock_correction_ns(bus: ClockedBus, period: int) -> int:
 def run_loop(
     executor: Executor, mailbox: CommandMailbox, clock: MonotonicClock, parent: int, asked: Callable[[], bool]
 ) -> ExitCode:
-    """Run cycles until the server asks for the end or is lost; axes are at rest then where that was possible.
+    """Run cycles until the server requests the end or is lost, then bring the axes to rest if possible.
 
     Args:
-        asked: whether something else than the mailbox asks for the end.
+        asked: returns whether something other than the mailbox requests the end.
     """
     cycle_s = executor.machine.cycle_s
     period = round(cycle_s * 1e9)
@@ -142,7 +146,7 @@ def run_loop(
 
 
 def _factories(mailboxes: MailboxServer | None) -> Mapping[type[Drive], BusFactory]:
-    """Return what makes the machine's buses; only a machine with EtherCAT imports what that needs."""
+    """Return the factories of the machine's buses; modules of EtherCAT are imported only if needed."""
     if mailboxes is None:
         return BUS_FACTORIES
     from mcserver.ethercat.open import open_ethercat
@@ -151,7 +155,7 @@ def _factories(mailboxes: MailboxServer | None) -> Mapping[type[Drive], BusFacto
 
 
 def _mailboxes(descriptor: int) -> MailboxServer | None:
-    """Return what serves the mailboxes of drives on EtherCAT; None: the machine has no such bus."""
+    """Return the server for the mailboxes of drives on EtherCAT; None: the machine has no such bus."""
     if descriptor < 0:
         return None
     from mcserver.ethercat.mailbox_relay import MailboxServer
@@ -163,13 +167,13 @@ def main() -> int:
     """Run the process; return its exit code."""
     start = msgspec.msgpack.decode(sys.stdin.buffer.read(), type=Start)
     terminated: list[int] = []
-    # an interrupt from the keyboard goes to the server too, which ends this process in order
+    # Ctrl-C goes to the server too, which ends this process in order
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda number, _frame: terminated.append(number))
     parts: SharedParts = map_block(start.descriptor, start.machine)
     os.close(start.descriptor)
     machine, mailbox = start.machine, parts.mailbox
-    # before drives are switched on, and long before a cycle must not wait
+    # compile before drives are switched on and cycles begin
     warm_up_playback()
     mailboxes = _mailboxes(start.mailboxes)
     try:
@@ -202,7 +206,7 @@ def main() -> int:
         code = run_loop(executor, mailbox, MonotonicClock(), start.parent, lambda: bool(terminated))
     finally:
         if mailboxes is not None:
-            # behind a transfer under way: its line is closed next
+            # after a transfer under way: its bus is closed next
             mailboxes.close()
         executor.close()
         mailbox.set_executor_state(ProcessState.ENDED)

@@ -1,4 +1,4 @@
-"""How the executor's process is started, and what it says of itself: all that the server needs of it."""
+"""Start parameters, states and exit codes of the executor's process: all that the server imports of it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class ProcessState(enum.IntEnum):
 
 
 class ExitCode(enum.IntEnum):
-    """How the process ends by itself."""
+    """Exit codes of the process."""
 
     ASKED = 0
     BROKEN = 1
@@ -32,8 +32,8 @@ class Start(msgspec.Struct, frozen=True):
     """The process's configuration on standard input, as MessagePack.
 
     Attributes:
-        descriptor: of the shared memory. mailboxes: of a socket by which the server reaches the mailboxes of
-            drives on EtherCAT; -1: the machine has none. tool: in the spindle, 0: none.
+        descriptor: of the shared memory. mailboxes: descriptor of the socket to the mailboxes of drives on
+            EtherCAT; -1: the machine has none. tool: in the spindle, 0: none.
     """
 
     machine: Machine

@@ -1,8 +1,8 @@
-"""Axes whose drives make their profiles themselves (profile position): goals in place of paths.
+"""Axes whose drives generate the profile (profile position mode): they get goals, not paths.
 
-The setpoints of such an axis are the profile that its limits allow, which is what `simulate` shows. The
-drive's own profile is close to it and not the same, so the two are compared only where the axis has arrived,
-and a motion has not ended before the drive has ended its own.
+The setpoints of such an axis are the profile that its limits allow, which `simulate` shows. The drive's own
+profile is similar, not equal: so following errors are checked only once the axis has arrived, and a motion
+ends only when the drive's has ended.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from mcserver.machine.machine_file import Machine
 
 
 class ProfiledAxes:
-    """What goes to these drives, and what is expected of them.
+    """Commands to these drives, and supervision of them.
 
     Attributes:
-        mask: their columns. unsettled: those that are under way by the drive, or have been halted: a
-            following error says nothing. late: columns that in this cycle have been too long on their way,
-            the exact-stop time-out behind their setpoints.
+        mask: their columns. unsettled: columns that the drive moves or has halted, whose following error
+            means nothing. late: columns whose motion exceeds its setpoints by the exact-stop time-out in this
+            cycle.
     """
 
     def __init__(self, machine: Machine, bank: AxisBank, motions: IndependentMotions) -> None:
@@ -35,12 +35,12 @@ class ProfiledAxes:
         self.late: list[int] = []
 
     def before_exchange(self) -> None:
-        """Hand over the goals: kept after a motion that has reached its target, void after any other."""
+        """Set the goals: kept after a motion that has reached its target, removed after any other."""
         bank, goals = self._bank, self._motions.goals
         for column in self._columns:
             bit = 1 << column
             if not bank.energized & bank.positioned & bit:
-                # what it went to before it was switched off is no goal any more
+                # the goal before it was de-energized no longer applies
                 goals.pop(column, None)
             goal, speed = goals.get(column, (math.nan, 0.0))
             if goal != bank.goal[column]:
@@ -57,7 +57,7 @@ class ProfiledAxes:
             self._bank.goal[column] += distance
 
     def after_exchange(self) -> None:
-        """See which axes have arrived; one that has been halted is where its drive has stopped it."""
+        """Find the axes that have arrived; a halted axis is where its drive has stopped it."""
         bank, row, motions = self._bank, self._bank.row, self._motions
         self.late.clear()
         pending = 0

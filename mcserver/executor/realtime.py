@@ -1,4 +1,4 @@
-"""What Linux offers a thread that must be on time; each refusal is named, none is fatal."""
+"""Realtime features of Linux for the cycle's thread; each refusal is reported, none is fatal."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 PRIORITY = 80
 
 _MCL_CURRENT_AND_FUTURE = 3
-# LLVM's library, and NumPy's for linear algebra, by the beginnings of their files' names.
+# Libraries that no cycle calls, LLVM and numpy's BLAS, by the beginnings of their file names.
 _NOT_IN_A_CYCLE = ("libllvmlite", "libscipy_openblas")
 _TIMER_ABSTIME = 1
 
@@ -32,7 +32,7 @@ class MonotonicClock:
         self._pointer = ctypes.pointer(self._deadline)
 
     def now(self) -> int:
-        """[ns]."""
+        """Return the time [ns]."""
         return time.clock_gettime_ns(time.CLOCK_MONOTONIC)
 
     def sleep_until(self, deadline: int) -> None:
@@ -52,10 +52,10 @@ def take_realtime_priority() -> bool:
 
 
 def lock_memory() -> bool:
-    """Keep all pages of this process in memory, also those to come; False without the right to.
+    """Lock all present and future pages of this process in memory; return False without the right to.
 
-    Libraries that no cycle calls are left out: 150 MB of the compiler's, once kernels are compiled, and 24 of
-    BLAS.
+    Libraries that no cycle calls are left out: 150 MB of the compiler, once kernels are compiled, and 24 MB
+    of BLAS.
     """
     locked: int = ctypes.CDLL(None, use_errno=True).mlockall(_MCL_CURRENT_AND_FUTURE)
     release_libraries(*_NOT_IN_A_CYCLE)
@@ -63,11 +63,9 @@ def lock_memory() -> bool:
 
 
 def release_libraries(*names: str) -> None:
-    """Unlock and drop the pages of libraries, by the beginnings of their files' names.
+    """Unlock and drop the pages of libraries, by the beginnings of their file names.
 
-    A call reads them again.
-
-    Pages that were written to, as by the linker, stay: no file has them.
+    A call reads them again. Pages that were written to, as by the linker, stay: no file holds them.
     """
     system = ctypes.CDLL(None, use_errno=True)
     start = end = 0

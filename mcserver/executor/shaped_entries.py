@@ -1,4 +1,4 @@
-"""Control entries of a program on a machine with shapers: which wait for the shaped path, and until when."""
+"""Delay control entries of a program on a machine with shapers until the shaped path reaches them."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from collections.abc import Iterator
 from mcserver.executor.entries import Control, ControlKind
 from mcserver.executor.shaping import Shaper
 
-# Entries that are done where the shaped path is at their place.
+# Kinds of entries that are executed when the shaped path reaches their u.
 AT_THEIR_PLACE = frozenset(
     (ControlKind.LINE_START, ControlKind.LINE_END, ControlKind.PASSED, ControlKind.OUTPUT)
 )
-# Entries that say how rows and motions go on. All others wait until shaped setpoints have arrived.
+# Kinds that continue rows and motions without delay. All others wait until shaped setpoints have settled.
 GOING_ON = frozenset(
     (
         ControlKind.BEGIN,
@@ -23,7 +23,7 @@ GOING_ON = frozenset(
         ControlKind.PAYLOAD,
     )
 )
-# Of a motion that comes to rest these wait until it is there.
+# At the end of a motion these wait until it has settled.
 _ENDS = frozenset((ControlKind.LINE_END, ControlKind.PASSED))
 
 
@@ -44,23 +44,23 @@ class ShapedEntries:
 
     @property
     def driven(self) -> int:
-        """Columns that rows drove along a line where the shaped path is now."""
+        """Columns that rows drove along a line at the u that the shaped path has reached."""
         return self._driven[0]
 
     def clear(self) -> None:
-        """Forget all entries."""
+        """Drop all entries."""
         self._waiting.clear()
 
     def drop_outputs(self) -> None:
-        """Forget what would set outputs: the program stops."""
+        """Drop the entries that would set outputs: the program stops."""
         self._waiting = deque(each for each in self._waiting if each[1].kind is not ControlKind.OUTPUT)
 
     def put_off(self, number: int, control: Control, left: float) -> None:
-        """Let an entry wait that u passes in cycle ``number``, ``left`` cycles before its end."""
+        """Delay an entry that u passes in cycle ``number``, ``left`` cycles before its end."""
         self._waiting.append((number + self._delay, control, left))
 
     def pass_cycle(self, number: int, driven: int, *, settling: bool) -> Iterator[tuple[Control, float]]:
-        """Take the entries that are due in a cycle, each with what is left of the cycle at its moment.
+        """Take the entries that are due in a cycle, each with the rest of the cycle at its time.
 
         Args:
             driven: columns that rows drive along a line now. settling: motion is at rest, and its shaped

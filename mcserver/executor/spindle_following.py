@@ -1,4 +1,4 @@
-"""The measured place of an axis, such as the angle of a spindle, and a time that passes as it goes."""
+"""Estimate the measured state of an axis, such as a spindle, and let plan time follow it."""
 
 from __future__ import annotations
 
@@ -6,17 +6,18 @@ import math
 
 from mcserver.motion.thread_cam import RateLimits
 
-# Poles of the filter of the encoder, and of what follows it [1/s].
+# Poles of the encoder's filter, and of the time that follows it [1/s].
 FILTER, FOLLOWER = 400.0, 200.0
-# The follower's rate: a plan is played up to its own speed, and backwards with a spindle that is reversed.
+# Greatest |rate| of plan time: a plan is played up to its own speed, and backwards while the spindle
+# reverses.
 MOST_RATE = 1.0
 
 
 class MeasuredPlace:
-    """Place, speed and acceleration of an axis by its encoder, of readings one a cycle.
+    """Estimates position, speed and acceleration of an axis from its encoder, read once per cycle.
 
     A fading-memory filter of the third order (Brookner, Tracking and Kalman Filtering Made Easy, 1998,
-    ch. 1): at a constant acceleration it has no lag.
+    ch. 1), which has no lag at constant acceleration.
 
     Attributes:
         place, speed, acceleration: at the newest reading, in units of the readings. count: of readings.
@@ -34,7 +35,7 @@ class MeasuredPlace:
         self.count = 0
 
     def take(self, place: float) -> None:
-        """Take the reading of a cycle."""
+        """Add the reading of a cycle."""
         if self.count == 0:
             self.place = place
         elif self.count == 1:
@@ -50,7 +51,7 @@ class MeasuredPlace:
         self.count += 1
 
     def ahead(self, seconds: float) -> tuple[float, float, float]:
-        """Return place, speed and acceleration some time after the newest reading."""
+        """Extrapolate position, speed and acceleration by some time after the newest reading."""
         place = self.place + seconds * (self.speed + 0.5 * seconds * self.acceleration)
         return place, self.speed + seconds * self.acceleration, self.acceleration
 
@@ -66,7 +67,7 @@ class FollowedTime:
         self.time, self.rate, self.slope = time, rate, slope
 
     def step(self, goal: tuple[float, float, float], limits: RateLimits, cycle_s: float) -> None:
-        """Let a cycle pass towards time, rate and slope of ``goal`` at its end."""
+        """Advance by a cycle towards ``goal``: time, rate and slope at its end."""
         time, goal_rate, slope = goal
         most, change = limits.slope, limits.curvature * cycle_s
         wanted = (
@@ -74,7 +75,7 @@ class FollowedTime:
             + 3.0 * FOLLOWER**2 * (goal_rate - self.rate - cycle_s * self.slope)
             + 3.0 * FOLLOWER * (slope - self.slope)
         )
-        # a slope that can be taken back before the rate is at its end, and within the slope's own limits
+        # a slope that can come to 0 before the rate reaches its bound, and within the slope's own limits
         passing = abs(self.slope) * cycle_s
         rising, falling = (
             math.sqrt(2.0 * limits.curvature * max(0.0, MOST_RATE - rate - passing))

@@ -1,4 +1,4 @@
-"""Rows that playback needs ahead: it can always stop before the last row it has, unless that is at rest."""
+"""Number of rows that playback needs ahead in order to be able to stop before the last one."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 from mcserver.executor.entries import Array
 from mcserver.machine.machine_file import Machine
 
-# Stops that rows handed over ahead leave room for: one takes half of its time in rows; it has room for one of
-# the rows' own, and for one of playback that leaves some of the limits to the rows.
+# Rows ahead, in durations of a stop. A stop covers half of its duration in rows: this leaves room for one of
+# the rows themselves, and for one of playback that leaves a part of the limits to the rows.
 STOPS_AHEAD = 1.4
 SPARE_ROWS = 16
 
 
 def torque_axes(machine: Machine) -> int:
-    """Return how many axes have a greatest torque."""
+    """Return the number of axes with a torque limit."""
     return sum(axis.max_torque != math.inf for axis in machine.axes)
 
 
@@ -26,7 +26,7 @@ def longest_stop(machine: Machine) -> float:
 
 
 class StopTimes:
-    """How long stops take from the speeds of rows."""
+    """Computes the duration of stops from the speeds of rows."""
 
     def __init__(self, machine: Machine) -> None:
         acceleration = np.array([axis.max_acceleration for axis in machine.axes])
@@ -38,7 +38,7 @@ class StopTimes:
         """Return the longest time that an axis takes to stop within its limits, shape (n,) [cycles].
 
         Args:
-            velocity: shape (n, K) [m/s or rad/s]. An axis that stands takes none.
+            velocity: shape (n, K) [m/s or rad/s]. An axis at rest takes no time.
         """
         speed = np.abs(velocity)
         times: Array = np.where(speed > 0.0, speed / self._acceleration + self._rounding, 0.0).max(axis=1)
@@ -46,12 +46,11 @@ class StopTimes:
 
 
 def stopping_rows(stop: float) -> int:
-    """Return the rows ahead with which playback at 100 % never slows down for a stop that takes so long.
+    """Return the number of rows ahead with which playback at 100 % does not slow down to be able to stop.
 
-    A planner that hands over fewer rows of a motion under way is played more slowly; one that hands over a
-    motion's whole stop is not.
+    With fewer rows of a motion ahead, playback is slower, unless these include the motion's own stop.
 
     Args:
-        stop: of the rows that are ahead [cycles].
+        stop: longest duration of a stop from the rows ahead [cycles].
     """
     return math.ceil(STOPS_AHEAD * stop) + SPARE_ROWS

@@ -1,4 +1,4 @@
-"""What a server keeps of an axis's reference from one start to the next."""
+"""An axis's reference as stored by the server from one start to the next."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ class StoredReference(msgspec.Struct, frozen=True):
 
     Attributes:
         offset: position minus encoder reading [m or rad].
-        reading: what the encoder has to read now for it to hold [m or rad]; None: an absolute encoder, for
-            which it holds whatever it reads.
+        reading: reading of the encoder now for which the reference is valid [m or rad]; None: valid at any,
+            for an absolute encoder.
     """
 
     offset: float

@@ -1,4 +1,4 @@
-"""What must not happen on any axis, looked at in every cycle: limits, following errors, drives that fail."""
+"""Supervise all axes in every cycle: travel limits, following errors, failed or silent drives."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from mcserver.machine.machine_file import Machine
 _OF_EVENT = MappingProxyType(
     {BusEventKind.MESSAGE: FaultCode.DRIVE_MESSAGE, BusEventKind.BUS_BACK: FaultCode.BUS_BACK}
 )
-# How often it is looked whether a drive still holds its axis after it was commanded to let go [cycles].
+# Period of checking for drives that still hold their axis after a command to let go [cycles].
 STRAY_CYCLES = 64
 # A drive that has not answered for this time is lost [s].
 SILENCE_S = 0.01
@@ -52,11 +52,11 @@ class Supervision:
         self._above = np.ones(count, np.bool_)
         self._silent = np.zeros(count, np.int64)
         self._any_silent = False
-        # columns that have been silent for too long
+        # columns whose drives have been silent for too long
         self._gone = 0
         self._strays = self._reported_strays = 0
         self._stray_cycles = np.zeros(count, np.int64)
-        # feedback that is behind is compared with the setpoints of that time, too
+        # delayed feedback is also compared with the setpoints of that time
         self._delay = cycle.bank.delay_cycles
         self._delayed = cycle.bank.delayed
         self._past = np.tile(cycle.row.setpoint, (max(1, self._delay), 1))
@@ -65,7 +65,7 @@ class Supervision:
     # ------------------------------------------------------------------ setpoints
 
     def _count_limits(self) -> None:
-        """Take the travel of the axes that know where they are."""
+        """Update the travel limits, which apply to homed axes only."""
         homed = self._cycle.homed
         self._homed = homed.mask
         counts = self._cycle.bank.masks.bools(homed.mask)
@@ -74,12 +74,12 @@ class Supervision:
         self._cycle.motions.unlimited = homed.missing
 
     def shift(self, column: int, distance: float) -> None:
-        """Let the column's positions read ``distance`` more from now on."""
+        """Add ``distance`` to a column's positions from now on."""
         self._past[:, column] += distance
         self._cycle.history[:, column] += distance
 
     def before_exchange(self) -> None:
-        """Refuse setpoints that leave the axis's travel."""
+        """Refuse setpoints outside of an axis's travel."""
         if self._cycle.homed.mask != self._homed:
             self._count_limits()
         if not self._cycle.bank.energized:
@@ -94,7 +94,7 @@ class Supervision:
         bank, row = self._cycle.bank, self._cycle.row
         shaper = bank.shaper
         before = self._feedback.newest_setpoint(len(row.setpoint)) if shaper is None else shaper.before
-        # axes that move by themselves are kept inside by their trajectories, or are on their way back
+        # trajectories keep axes in independent motion inside, or bring them back
         guarded = bank.energized & bank.positioned & ~self._cycle.motions.mask
         outside = mask_of(~(self._within & self._above)) & guarded
         for column in bank.masks.columns(outside):
@@ -103,7 +103,7 @@ class Supervision:
             excess = max(wanted - high, low - wanted)
             old_excess = max(old - high, low - old)
             if old_excess > 0.0 and excess <= old_excess:
-                # it was captured outside, and does not go further
+                # it was captured outside, and moves no further out
                 continue
             row.ordered[column] = min(max(wanted, low), high) if old_excess <= 0.0 else old
             row.ordered_velocity[column] = 0.0
@@ -117,7 +117,7 @@ class Supervision:
                 slot.fault(FaultCode.SOFT_LIMIT, slot.shown_line, column, (wanted, limit))
 
     def lead_coupled(self) -> None:
-        """Set the setpoints of the axes that follow others; what cannot be followed stops its program."""
+        """Set the setpoints of coupled axes; stop the program of an axis that cannot follow its leader."""
         self._cycle.couplings.follow(self._slots, self._gone, urgent=self._cycle.estop)
 
     def within_travel(self, setpoints: Array) -> int:
@@ -127,8 +127,10 @@ class Supervision:
         return int(where[0]) if len(where) else len(setpoints)
 
     def within_error(self, setpoints: Array, actual: Array) -> int:
-        """Return how many cycles from the first on keep the following error of axes in position mode, shapes
-        (n, K).
+        """Return how many cycles from the first on keep the following errors of axes in position mode.
+
+        Args:
+            setpoints, actual: shape (n, K).
         """
         bank = self._cycle.bank
         kept = np.abs(setpoints - actual) <= self._greatest_error
@@ -138,13 +140,13 @@ class Supervision:
 
     @property
     def quiet(self) -> bool:
-        """Whether nothing is under way that many cycles at once would leave out."""
+        """Whether no supervision is pending that a block of cycles would skip."""
         return not (self._any_silent or self._delay or self._strays)
 
     # ------------------------------------------------------------------ feedback
 
     def after_exchange(self) -> None:
-        """Find drives that failed or are lost, axes that do not follow, and axes that a soft limit stops."""
+        """Find failed or lost drives, axes with a following error, and axes that a soft limit stops."""
         cycle = self._cycle
         bank, row = cycle.bank, cycle.row
         if self._any_silent or not bank.all_fresh:
@@ -191,7 +193,7 @@ class Supervision:
             self._latch(column, FaultCode.FOLLOWING_ERROR, values)
 
     def _allow_delay(self) -> None:
-        """Take an axis as no further from its setpoint than from where that was while the feedback came."""
+        """Measure following errors of delayed axes from the nearest setpoint during the delay."""
         row, past, delayed = self._cycle.row, self._past, self._delayed
         low = np.minimum(past.min(axis=0), row.setpoint)
         high = np.maximum(past.max(axis=0), row.setpoint)
@@ -218,7 +220,7 @@ class Supervision:
         self._reported_strays &= stray
 
     def report_events(self) -> None:
-        """Report what buses say besides: it stops nothing."""
+        """Report further events of buses, which stop nothing."""
         for event in self._cycle.bank.events():
             slot = self._slot_of(event.column)
             index, line = (-1, 0) if slot is None else (slot.index, slot.shown_line)
@@ -232,7 +234,7 @@ class Supervision:
         self._any_silent = bool(self._silent.any())
         self._gone = mask_of(self._silent >= self._patience + self._delay * self._delayed)
         self._cycle.row.set_silent(self._gone)
-        # a bus with a delay knows itself how long its drives may be silent
+        # a bus with a delay decides itself how long its drives may be silent
         silent = (self._silent >= self._patience) & ~self._delayed
         lost = mask_of(silent) & (bank.energized | bank.starting)
         for column in bank.masks.columns(lost):
@@ -240,7 +242,7 @@ class Supervision:
             self._latch(column, FaultCode.DRIVE_SILENT, (seconds, SILENCE_S))
 
     def _latch(self, column: int, code: FaultCode, values: tuple[float, ...]) -> None:
-        """Latch an axis that has failed: it is off, and what moves with it stops."""
+        """Latch an axis that has failed: switch it off, and stop the motion that it is part of."""
         cycle = self._cycle
         slot = self._slot_of(column)
         cycle.bank.latch(1 << column)
@@ -260,8 +262,8 @@ class Supervision:
     def _stop_pair(self, pair: GantryPair, skew: float) -> None:
         """Let the drives of a pair stop by themselves and switch off: its sides are too far apart.
 
-        A stop within the limits of the axis would bend the portal by its whole way: the side that is held
-        back stands already.
+        A stop within the axis's limits would skew the gantry by its whole distance, since the side that is
+        blocked stands still already.
         """
         cycle = self._cycle
         slot = self._slot_of(pair.leader)

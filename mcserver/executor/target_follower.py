@@ -1,4 +1,4 @@
-"""Axes led over streamed targets, cycle by cycle and without drives: in the executor, and in environments."""
+"""Lead axes over streamed targets cycle by cycle, without drives: for the executor and Gym environments."""
 
 from __future__ import annotations
 
@@ -17,20 +17,22 @@ from mcserver.motion.kernels.target_tracking import (
     follow_reference,
 )
 
-# Points that are less than this ahead are behind [cycles]; where all are, the last one is taken so far ahead.
-AHEAD, NEXT = 0.5, 2.0
+# Points less than this ahead of now count as passed [cycles].
+AHEAD = 0.5
+# If all are, the last one is moved this far ahead [cycles].
+NEXT = 2.0
 
 
 class TargetFollower:
-    """States of n axes that go after the newest targets within their limits.
+    """Lets n axes follow the newest targets within their limits.
 
     Args:
-        axes: n. places: where they are, at rest, shape (n,) [m or rad]. at: executor time [s].
-        cycle_s: of a cycle [s]. unlimited: those that have no travel now; None: as the axes say.
+        axes: n axes. places: their positions, at rest, shape (n,) [m or rad]. at: executor time [s].
+        cycle_s: duration of a cycle [s]. unlimited: axes without travel limits now; None: as configured.
 
     Attributes:
         states: shape (n, 3), position, velocity and acceleration of the newest setpoint.
-        newest: the targets that are followed; None: none have come.
+        newest: the targets that are followed; None before the first.
     """
 
     def __init__(
@@ -56,13 +58,13 @@ class TargetFollower:
         self._cycle_s = cycle_s
         self._reference = self.states.copy()
         self._room = np.zeros((POINTS + 1, 1 + 2 * count))
-        # of it: the way ahead, from where the reference was
+        # part of the buffer in use: the knots from the reference on
         self._knots = self._room[:0]
-        # when the reference was read last
+        # time at which the reference was last read
         self._at = at
 
     def take(self, newest: Targets) -> None:
-        """Lead the reference from where it is over the points that are ahead; what is no number is none."""
+        """Lead the reference from its present state over the points ahead; ignore non-finite targets."""
         if not np.isfinite(newest.knots).all():
             return
         self.newest = newest
@@ -73,7 +75,7 @@ class TargetFollower:
             axes = len(self.states)
             passed = at + NEXT * self._cycle_s - ahead[0, 0]
             with np.errstate(over="ignore"):
-                # what is beyond all numbers stops the axes
+                # a state that overflows stops the axes
                 ahead[0, 0] += passed
                 ahead[0, 1 : 1 + axes] += passed * ahead[0, 1 + axes :]
         self._knots = self._room[: 1 + len(ahead)]
@@ -82,7 +84,7 @@ class TargetFollower:
         self._knots[1:] = ahead
 
     def step(self, times: Array, rate: float) -> None:
-        """Let cycles pass at a share of the axes' top speed, 0: to a stop; ``times``: at their ends [s]."""
+        """Advance by cycles at a share of the axes' top speed, 0: to a stop; ``times``: at their ends [s]."""
         by_velocity = self.newest is not None and self.newest.by_velocity
         follow_reference(
             self.states, self._reference, self._knots, self._limits, rate, times, self._cycle_s, by_velocity
@@ -96,7 +98,7 @@ class TargetFollower:
 
     @property
     def arrived(self) -> bool:
-        """Whether the axes are where the last targets have them."""
+        """Whether the axes have reached the last targets."""
         behind = self._at >= self._knots[-1, 0]
         return bool(behind and (self.states == self._reference).all())
 
@@ -108,18 +110,18 @@ class TargetFollower:
 
 
 class Bounds(NamedTuple):
-    """Travel and speed of an axis beside its own [m or rad, per s]."""
+    """Bounds of position and speed besides an axis's own limits [m or rad, per s]."""
 
     low: float = -np.inf
     high: float = np.inf
     speed: float = np.inf
 
     def within(self, other: Bounds) -> Bounds:
-        """Return what both leave."""
+        """Return the intersection with other bounds."""
         return Bounds(max(self.low, other.low), min(self.high, other.high), min(self.speed, other.speed))
 
     def shifted(self, distance: float) -> Bounds:
-        """Return the same where positions read ``distance`` more."""
+        """Return the bounds with positions shifted by ``distance``."""
         return Bounds(self.low + distance, self.high + distance, self.speed)
 
 
@@ -127,12 +129,12 @@ UNBOUNDED = Bounds()
 
 
 def tracking_limits(axis: Axis, place: float, *, free: bool, within: Bounds = UNBOUNDED) -> tuple[float, ...]:
-    """Return a row of ``limits`` of `follow_targets` for an axis that is at a place [m or rad].
+    """Return a row of ``limits`` of `follow_targets` for an axis at a position [m or rad].
 
     Args:
-        free: its travel does not count now. within: what bounds it besides.
+        free: its travel limits do not apply. within: further bounds.
     """
     low, high = (-np.inf, np.inf) if free else (axis.min_position, axis.max_position)
     low, high, speed = max(low, within.low), min(high, within.high), min(axis.max_velocity, within.speed)
-    # one that was energized outside its travel may come back, and go no further
+    # an axis outside its travel may come back, but move no further out
     return speed, axis.max_acceleration, axis.max_jerk, min(low, place), max(high, place)

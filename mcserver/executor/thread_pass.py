@@ -1,8 +1,8 @@
-"""A pass of a thread in the cycle: axes go along a line as the spindle turns (D-89).
+"""A threading pass: axes move along a line synchronized to the spindle (D-89).
 
-The barrier waits until the spindle is at its speed and comes to the angle at which the pass begins; then each
-cycle sets the axes to where the cam has them at the measured angle. Override and feed hold do not touch a
-pass: a hold takes effect at its end. A spindle that cannot be followed is a fault, which stops the axes.
+The barrier waits until the spindle is at speed and at the angle where the pass begins; then each cycle sets
+the axes to the position of the cam at the measured angle. Override and feed hold do not affect a pass: a hold
+takes effect at its end. A spindle that cannot be followed is a fault, which stops the axes.
 """
 
 from __future__ import annotations
@@ -20,23 +20,24 @@ from mcserver.executor.spindle_following import FollowedTime, MeasuredPlace
 from mcserver.motion.thread_cam import MOST_SPEED, least_tapping, plan_cam, stopping_turns
 from mcserver.units import TURN
 
-# Shares of S between which a pass begins, and below which its spindle has stopped.
+# Shares of S between which a spindle is at speed.
 AT_SPEED = (0.9, 1.05)
+# Share of S below which it has stopped.
 STOPPED = 0.1
-# Its speed is that over so many cycles, for at a low one the steps of an encoder are coarse; a pass begins
-# once it has been there for as many.
+# Speed is measured over so many cycles, since an encoder's steps are coarse at low speed; a pass begins once
+# the spindle has been at speed for as many.
 SPEED_CYCLES = 50
-# A spindle that is reversed is below this share for so long at the most [s].
+# Longest time that a reversing spindle may be below `STOPPED` [s].
 TURNING_S = 1.0
-# Within which the spindle comes to its speed [s].
+# Time in which the spindle has to come to speed [s].
 SPEED_TIMEOUT_S = 10.0
 
 
 class ThreadPass(Barrier):
-    """The barrier at which u stands during a pass.
+    """The barrier at which u waits during a pass.
 
     Args:
-        control: has targets, the pitch, the spindle and its speed. slot: whose axes they are.
+        control: the `THREAD` entry. slot: of its program.
     """
 
     def __init__(self, cycle: Cycle, control: Control, slot: int) -> None:
@@ -59,21 +60,21 @@ class ThreadPass(Barrier):
             self._speed,
             taps=bool(control.operation),
         )
-        # the way of the axes on which a spindle that is reversed comes to rest
+        # travel of the axes while a reversing spindle comes to rest
         self._stopping = control.seconds * stopping_turns(cycle.machine.axes[self._spindle], self._speed)
         least = 2.0 * self._cam.ramp_length
         if self._cam.taps:
             least = least_tapping(self._cam, self._stopping)
         if self._cam.speed > self._cam.greatest_speed or self._cam.length < least:
-            # the line begins elsewhere than it was read for
+            # the axes are not where the line was planned to begin
             raise BarrierFault(FaultCode.NO_TRAJECTORY, columns[0])
         self._way = travel / self._cam.length
         self._greatest = self._speed * MOST_SPEED
-        # of the spindle's turn at which the cam begins: its cruise goes through the start at angle 0
+        # angle at which the cam begins [turns]: the extended cruise passes the start at angle 0
         self._angle = -0.5 * self._greatest * self._cam.ramp_s
         self._tolerance = cycle.machine.dialect.thread_tolerance
         self._measured = MeasuredPlace(cycle.cycle_s)
-        # from the newest reading to the setpoint
+        # time from the newest reading to the setpoint
         delayed = bool(cycle.bank.delayed[self._spindle])
         self._ahead = cycle.cycle_s * (1 + (cycle.bank.delay_cycles if delayed else 0))
         self._reversed = False
@@ -93,7 +94,7 @@ class ThreadPass(Barrier):
     def before(self, left: float, held: bool) -> float | None:
         """Let a cycle pass; all of ``left`` is left once the axes are at their targets."""
         if left <= 0.0 or self._measured.count == 0:
-            # it was put up behind this cycle's exchange, or before the first reading
+            # the barrier was made after this cycle's exchange, or has no reading yet
             return None
         turns, speed, acceleration = self._measured.ahead(self._ahead)
         if self._played is None:
@@ -124,7 +125,7 @@ class ThreadPass(Barrier):
         return left if self._set() else None
 
     def _reverse(self) -> None:
-        """Reverse the spindle of a tapping move where it comes to rest at the end of the line."""
+        """Reverse the spindle of a tapping move in time for it to come to rest at the end of the line."""
         assert self._played is not None
         next_cycle = self._cam.speed * self._cycle.cycle_s
         if self._cam.at(self._played.time)[0] + next_cycle + self._stopping >= self._cam.length:
@@ -135,7 +136,7 @@ class ThreadPass(Barrier):
         self._cycle.motions.speed(self._spindle, self._slot, direction * self._speed * TURN, 0.0)
 
     def after(self, held: bool) -> bool:
-        """Take the reading of this cycle; return False: a pass ends as setpoints do."""
+        """Add the reading of this cycle; return False: a pass ends before an exchange, with its setpoints."""
         reading = float(self._cycle.row.actual[self._spindle]) / TURN * self._forward
         self._measured.take(reading)
         self._readings.append(reading)
@@ -153,7 +154,7 @@ class ThreadPass(Barrier):
         return False
 
     def _set(self) -> bool:
-        """Set the axes to where the cam has them; return whether they are at their targets."""
+        """Set the axes to the cam's position; return whether they are at their targets."""
         played = self._played
         assert played is not None
         row, ended = self._cycle.row, played.time >= self._cam.duration

@@ -1,7 +1,7 @@
-"""The torques that the motion of a cycle needs by the machine's model, for drives that take them (60B2h).
+"""Torque feed-forward by the machine's dynamic model, for drives that accept it (60B2h).
 
-Inverse dynamics of the setpoints themselves, whatever has moved them: a program's rows at any rate, an
-independent motion, a stop. What it gives is at the motor's shaft, as `AxisBank.torque` is.
+Inverse dynamics of the setpoints, whatever has set them: a program's rows at any rate, independent motion, a
+stop. Torques are at the motor's shaft, as in `AxisBank.torque`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class TorqueFeedForward:
     """Sets the torques of axes in position mode before each exchange.
 
     Args:
-        dynamics: of the machine's joints; of this object alone.
+        dynamics: of the machine's joints; not shared, since `choose` changes its payloads.
 
     Attributes:
         columns: those of its joints, shape (J,).
@@ -38,21 +38,21 @@ class TorqueFeedForward:
         axes = [machine.axes[machine.column_of(axis)] for axis in dynamics.axes]
         self.columns: NDArray[np.intp] = np.array([machine.column_of(axis) for axis in dynamics.axes])
         self._fed = np.array([axis.drive.takes_torques for axis in axes])
-        # the power of joint and motor is the same
+        # joint and motor have the same power
         self._per_torque: Array = np.array([axis.travel_per_motor_turn / (2.0 * math.pi) for axis in axes])
         self._most = dynamics.efforts
         self._cycle = machine.cycle_s
         self._mask = 0
         for column in self.columns.tolist():
             self._mask |= 1 << column
-        # tools chosen, one for each flange
+        # the chosen tool by flange
         self._chosen: dict[int, int] = {}
         self._torques: Callable[[Array, Array, Array], Array] = dynamics.live(())
         self._before: Array = np.zeros(len(axes))
 
     @classmethod
     def of(cls, machine: Machine, bank: AxisBank) -> TorqueFeedForward | None:
-        """Return it for a machine one of whose drives takes torques along; None for any other."""
+        """Return it for a machine with a drive that accepts torques; else None."""
         if not any(axis.drive.takes_torques for axis in machine.axes):
             return None
         kinematics = build_kinematics(machine)
@@ -60,7 +60,7 @@ class TorqueFeedForward:
         return None if dynamics is None else cls(machine, bank, dynamics)
 
     def choose(self, tools: int) -> None:
-        """Take the payloads of chosen tools, as bits of the machine's tools by number."""
+        """Set the payloads of chosen tools, given as bits by tool number."""
         for number in self._dynamics.tools_of(tools):
             self._chosen[self._dynamics.flange(number)] = number
         self._torques = self._dynamics.live(tuple(self._chosen.values()))
@@ -74,7 +74,7 @@ class TorqueFeedForward:
         acceleration = (velocity - self._before) / self._cycle
         self._before = velocity
         torque = self._torques(q, velocity, acceleration)
-        # a model may be wrong by any amount, and a torque that is not finite is left out
+        # the model may be wrong by any amount: clip torques, and drop those that are not finite
         torque = np.clip(np.nan_to_num(torque, nan=0.0), -self._most, self._most)
         fed = held & self._fed
         if fed.any():

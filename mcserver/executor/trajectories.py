@@ -1,4 +1,4 @@
-"""Trajectories of one axis within its limits, by Ruckig: to a position or to a velocity."""
+"""Trajectories of one axis to a position or to a velocity within its limits, by Ruckig."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mcserver.machine.machine_file import Axis
 # Position, velocity and acceleration [SI].
 State = tuple[float, float, float]
 
-# Shares of a displacement, or of a change of speed, that are tried one after the other.
+# Factors of a displacement, or of a change of speed, that are tried in this order.
 _NEARBY = (1.0, 1.0 + 1e-9, 1.0 - 1e-9, 1.0 + 1e-7, 1.0 - 1e-7)
 
 
@@ -26,7 +26,7 @@ class TrajectoryError(ValueError):
 
 @dataclass(frozen=True)
 class MotionLimits:
-    """Limits of one motion, not above those of its axis; a jerk of inf: not limited."""
+    """Limits of one motion, at most those of its axis; jerk inf: not limited."""
 
     max_velocity: float
     max_acceleration: float
@@ -47,7 +47,7 @@ class TrajectorySolver:
     def to_position(
         self, column: int, state: State, target: float, limits: MotionLimits, rate: float = 1.0
     ) -> Trajectory:
-        """Calculate the quickest trajectory to rest at ``target`` with a share ``rate`` of the speed.
+        """Calculate the fastest trajectory to rest at ``target`` with a share ``rate`` of the speed limit.
 
         Raises:
             TrajectoryError: Ruckig finds none; it names ``column``.
@@ -55,7 +55,7 @@ class TrajectorySolver:
         wanted = self._input(limits, state, jerk=True)
         wanted.max_velocity = [limits.max_velocity * rate]
         displacement = target - state[0]
-        # where two shapes of profile meet, rounding may find neither: a displacement next to it has one
+        # where two shapes of profile meet, rounding may miss both: a nearby displacement has a solution
         for share in _NEARBY:
             wanted.target_position = [displacement * share]
             trajectory = self._calculated(wanted)
@@ -66,7 +66,7 @@ class TrajectorySolver:
     def to_velocity(
         self, column: int, state: State, velocity: float, limits: MotionLimits, *, jerk: bool
     ) -> Trajectory:
-        """Calculate the quickest trajectory to a velocity; without ``jerk`` the jerk is not limited.
+        """Calculate the fastest trajectory to a velocity; without ``jerk`` the jerk is not limited.
 
         Raises:
             TrajectoryError: Ruckig finds none; it names ``column``.
@@ -82,7 +82,7 @@ class TrajectorySolver:
         raise TrajectoryError(column)
 
     def _input(self, axis: MotionLimits, state: State, jerk: bool) -> InputParameter:
-        """Return the start of a trajectory with the origin there: rounding is least then."""
+        """Return Ruckig's input with the origin at the start, where rounding is least."""
         wanted = InputParameter(1)
         wanted.current_position = [0.0]
         wanted.current_velocity = [state[1]]
@@ -90,7 +90,7 @@ class TrajectorySolver:
         wanted.max_acceleration = [axis.max_acceleration]
         limited = jerk and math.isfinite(axis.max_jerk)
         wanted.max_jerk = [axis.max_jerk if limited else math.inf]
-        # without a limit of jerk the acceleration of the start does not bind
+        # without a jerk limit the initial acceleration does not matter
         wanted.current_acceleration = [_bounded_acceleration(axis, state) if limited else 0.0]
         return wanted
 
@@ -104,7 +104,7 @@ class TrajectorySolver:
 
 
 def _bounded_acceleration(axis: MotionLimits, state: State) -> float:
-    """Return the acceleration of a state, bounded so that it can be taken back within the axis's speed."""
+    """Return a state's acceleration, bounded so that it can come to 0 within the axis's speed limit."""
     _, velocity, acceleration = state
     bound = axis.max_acceleration
     if velocity * acceleration > 0.0:

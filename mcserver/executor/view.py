@@ -1,4 +1,4 @@
-"""Where an executor's programs are, as its newest cycle shows them."""
+"""State of an executor's slots in its newest cycle."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import msgspec
 
 
 class SlotView(msgspec.Struct, frozen=True):
-    """One executor slot: where its program is on its time axis, how fast that passes, its override."""
+    """One executor slot: u, playback rate and override of its program."""
 
     u: float
     rate: float

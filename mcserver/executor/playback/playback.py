@@ -1,4 +1,4 @@
-"""Setpoints from a program's rows: exact at whole u, interpolated between."""
+"""Play a program's rows: setpoints are exact at whole u, interpolated between."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from mcserver.motion.kernels.rate_changes import NEAR_U
 from mcserver.motion.kernels.rate_window import Window
 from mcserver.motion.kernels.row_interpolation import interpolate_rows, interpolation_bounds
 
-# Rows that stay after they have been played: what setpoints that span them do is judged by what they do.
+# Rows that stay in the ring after they have been played: limits of setpoints near them depend on them.
 KEPT_ROWS = 8
-# The first row of a motion may be this many cycles of the axis's greatest velocity away, plus in_position.
+# Greatest distance to the first row of a motion, in cycles of the axis's greatest velocity, plus in_position.
 JUMP_CYCLES = 1.5
 
 
 @dataclass(frozen=True)
 class Jump:
-    """The first row of a motion is not where its axis is: the column, the distance and what is allowed."""
+    """A first row of a motion that is too far from its axis: column, distance and allowed distance."""
 
     column: int
     distance: float
@@ -33,18 +33,18 @@ class Jump:
 
 
 class RowGuard(Protocol):
-    """Says which rows count: `mcserver.executor.envelope.EnvelopeGuard`."""
+    """Admits rows: `mcserver.executor.envelope.EnvelopeGuard`."""
 
     def admit(self, first: int, written: int) -> int: ...
 
 
 class Playback:
-    """The rows of one program as they are played.
+    """Playback of one program's rows.
 
     Attributes:
         active: mask of the columns between BEGIN and END. driven: the same, shape (K,).
-        first: number of the program's first row. following: number of the row after u. written: number of the
-            row after the last one that counts in this cycle.
+        first: number of the motion's first row. following: number of the row after u. written: one past the
+            number of the last row that is admitted in this cycle.
         line: line of the row played last. bounds: of interpolation, see `row_interpolation`, shape (2, K)
             [m/s² or rad/s², per s³].
     """
@@ -63,7 +63,7 @@ class Playback:
         self._line_cells = scalar_view(ring.row_line)
         self._scale_cells = scalar_view(ring.feed_scale)
         self._scratch = np.zeros(count)
-        # admits rows; None: all of them
+        # None: all rows are admitted
         self.guard: RowGuard | None = None
         self.bounds = interpolation_bounds(
             np.array([axis.max_acceleration for axis in machine.axes]),
@@ -90,14 +90,14 @@ class Playback:
         self._recent[:] = self._row.ordered
 
     def shift(self, column: int, distance: float) -> None:
-        """Shift a column at rest: its positions read ``distance`` more from now on."""
+        """Add ``distance`` to the positions of a column at rest."""
         self._recent[:, column] += distance
         self._start_position[column] += distance
 
     # ------------------------------------------------------------------ rows
 
     def look(self) -> None:
-        """Let all rows that have come count; before control entries are taken, which come first."""
+        """Admit the rows that have come, before control entries, which precede their rows, are taken."""
         written = self._ring.rows_written
         self.written = written if self.guard is None else self.guard.admit(self.following, written)
 
@@ -111,13 +111,13 @@ class Playback:
         return self.written == self.first
 
     def feed_scale(self, u: float) -> float:
-        """Return the feed scale of the row after u, or of the last one there is [1]."""
+        """Return the feed scale of the row after u, or of the last row [1]."""
         self.seek(u)
         number = min(self.following, self.written - 1)
         return 1.0 if number < self.first else float(self._scale_cells[number % self._ring.rows])
 
     def stop_until_last(self, u: float) -> float:
-        """Return the longest stop from the rows about u up to the last one there is [cycles]."""
+        """Return the longest stop from the rows around u up to the last row [cycles]."""
         self.seek(u)
         return self._ring.longest_stop(max(self.first, self.following - 1))
 
@@ -130,7 +130,7 @@ class Playback:
         return float(self._u_cells[(written - 1) % self._ring.rows])
 
     def seek(self, u: float) -> None:
-        """Let the row at or before u be the current one, and free those before it."""
+        """Make the row at or before u the current one, and free older rows."""
         ring, cells = self._ring, self._u_cells
         number, written, rows = self.following, self.written, ring.rows
         bound = u + NEAR_U
@@ -141,7 +141,7 @@ class Playback:
             ring.free_rows(max(self.first, number - KEPT_ROWS))
 
     def drop(self) -> None:
-        """Free all rows: nothing more of this program is played."""
+        """Free all rows without playing them."""
         self.look()
         self.first = self.following = self.written
         self._ring.free_rows(self.following)
@@ -150,7 +150,7 @@ class Playback:
     # ------------------------------------------------------------------ beginning and ending
 
     def begin(self, mask: int, u: float) -> None:
-        """Drive these columns by rows from u on, from where their setpoints are."""
+        """Drive columns by rows from u on, starting at their present setpoints."""
         self.active |= mask
         self._fresh |= mask
         self._unchecked |= mask
@@ -160,8 +160,7 @@ class Playback:
         self._begun = u
 
     def end(self, mask: int, u: float, final: tuple[float, ...] | None) -> None:
-        """End rows: the columns hold ``final``, else their last row, at or right after
-        u."""
+        """End the rows of columns, which hold ``final``, or else the row at or right after u."""
         mask &= self.active
         self.seek(u)
         bools = self._masks.bools(mask)
@@ -173,7 +172,7 @@ class Playback:
             current = number - 1
             exact = current >= self.first and self._u_cells[current % ring.rows] > u - NEAR_U
             if not exact and number < self.written and self._u_cells[number % ring.rows] < u + 1.0:
-                # the row after a fractional end holds the target where it stands still
+                # the row after a fractional end has the target, at rest
                 at = number % ring.rows
                 resting = bools & self._masks.bools(self._mask_cells[at]) & (ring.velocity[at] == 0.0)
                 np.copyto(self._row.ordered, ring.position[at], where=resting)
@@ -182,11 +181,11 @@ class Playback:
         self._fresh &= ~mask
         self._unchecked &= ~mask
         if not self.active:
-            # rows up to here are no start of a motion that begins later, even at this very u
+            # rows up to here are not the first row of a later motion, even of one that begins at this u
             self.first = self.following
 
     def leave(self, mask: int) -> None:
-        """Drive these columns no more; their setpoints stay."""
+        """Stop driving columns; their setpoints stay."""
         mask &= self.active
         self._row.ordered_velocity[self._masks.bools(mask)] = 0.0
         self.active &= ~mask
@@ -194,7 +193,7 @@ class Playback:
         self._unchecked &= ~mask
 
     def jump(self) -> Jump | None:
-        """Return a first row that is too far from where its axis is, once it has come."""
+        """Return a first row that is too far from its axis, once that row has come; None without one."""
         ring = self._ring
         number = self.following
         if number - 1 >= self.first and self._u_cells[(number - 1) % ring.rows] >= self._latest_start():
@@ -213,21 +212,21 @@ class Playback:
         return None
 
     def start_of(self, column: int) -> float:
-        """Return where the axis was as its rows began."""
+        """Return the position of an axis when its rows began."""
         return float(self._start_position[column])
 
     @property
     def at_start(self) -> bool:
-        """Whether the motion has not come to its first row."""
+        """Whether the motion has not reached its first row."""
         return self.active != 0 and self._fresh == self.active
 
     def unmoved(self, u: float) -> bool:
-        """Return whether the motion stands at its very beginning."""
+        """Return whether the motion is still at its beginning."""
         return self.at_start and u <= self._begun + NEAR_U
 
     @property
     def rests_at_end(self) -> bool:
-        """Whether the last row there is has no velocity."""
+        """Whether the last row is at rest."""
         ring = self._ring
         return not ring.velocity[(self.written - 1) % ring.rows].any()
 
@@ -237,16 +236,16 @@ class Playback:
 
     @property
     def unchecked(self) -> bool:
-        """Whether a first row has not been looked at."""
+        """Whether a first row has not been checked by `jump`."""
         return self._unchecked != 0
 
     # ------------------------------------------------------------------ blocks of cycles
 
     def whole_rows(self, u: float, limit: int) -> int:
-        """Return how many rows after a whole u, up to ``limit``, are played one a cycle.
+        """Return how many rows after a whole u, up to ``limit``, can be played one per cycle.
 
-        They follow u and each other without a gap, drive all active columns, are planned at 100 %, and each
-        belongs to a line.
+        They follow u and each other without a gap, drive all active columns, are planned at a feed scale of
+        1, and each belongs to a line.
         """
         ring, number = self._ring, self.following
         if self._fresh or self._unchecked or number - 1 < self.first:
@@ -261,8 +260,10 @@ class Playback:
         return len(rows) if fits.all() else int(np.argmin(fits))
 
     def ahead(self, count: int, setpoint: Array, velocity: Array) -> NDArray[np.int64]:
-        """Write the next rows, ``count`` of the `whole_rows`, in the columns that they drive, shape
-        (count, K) each; return their lines.
+        """Write the next ``count`` of `whole_rows`, in the columns that they drive, and return their lines.
+
+        Args:
+            setpoint, velocity: shape (count, K), written.
         """
         ring, rows, driven = self._ring, self._places(count), self.driven
         setpoint[:, driven] = ring.position[rows][:, driven]
@@ -270,17 +271,17 @@ class Playback:
         return ring.row_line[rows]
 
     def _places(self, count: int) -> NDArray[np.intp]:
-        """Return the places in the ring of the next rows."""
+        """Return the indices of the next rows in the ring."""
         return np.arange(self.following, self.following + count) % self._ring.rows
 
     def skip(self, u: float, setpoints: Array) -> None:
-        """Move on to u: the rows up to there were played; ``setpoints``: of those cycles, shape (n, K)."""
+        """Skip to u after a block that has played the rows before; ``setpoints``: its own, shape (n, K)."""
         self.seek(u)
         self.line = self._line_cells[(self.following - 1) % self._ring.rows]
         self.note_all(setpoints)
 
     def note_all(self, setpoints: Array) -> None:
-        """Note setpoints of cycles, shape (n, K)."""
+        """Record the setpoints of several cycles, shape (n, K)."""
         for setpoint in setpoints[-4:]:
             self._recent[self._cycles & 3] = setpoint
             self._cycles += 1
@@ -288,7 +289,7 @@ class Playback:
     # ------------------------------------------------------------------ playing
 
     def play(self, u: float, rate: float) -> None:
-        """Return the setpoints of the active columns at u; ``rate`` scales their velocities."""
+        """Set the row's setpoints of the active columns for u; ``rate`` scales their velocities."""
         self.seek(u)
         number = self.following - 1
         if number >= self.first:
@@ -299,7 +300,7 @@ class Playback:
         self._interpolate(u, rate)
 
     def note(self) -> None:
-        """Note this cycle's setpoints, once they are set."""
+        """Record this cycle's setpoints, once they are set."""
         self._recent[self._cycles & 3] = self._row.ordered
         self._cycles += 1
 
@@ -309,7 +310,7 @@ class Playback:
         return latest
 
     def window(self, u: float, ahead: int) -> Window | None:
-        """Return the rows about u and up to ``ahead`` rows after it; None where there are none yet."""
+        """Return the rows around u and up to ``ahead`` rows after it; None where there are none yet."""
         ring = self._ring
         self.seek(u)
         written = self.written
@@ -335,7 +336,7 @@ class Playback:
     def _driven_until(self, first: int, behind: int) -> NDArray[np.bool_]:
         """Return the axes that are driven now, and those that join the motion on rows first to behind - 1.
 
-        A change of the rate that is begun before an axis joins goes on behind that.
+        A change of the rate that begins before an axis joins may go on after it.
         """
         driven = self.driven
         rows = np.arange(first, behind) % self._ring.rows
@@ -348,7 +349,7 @@ class Playback:
             (joined,) = np.nonzero(masks >> np.uint64(column) & np.uint64(1))
             at = int(joined[0])
             if at > 0:
-                # behind a stop it may have moved by itself before
+                # after a stop it may have made independent motion before this row
                 step = self._ring.position[rows[at], column] - self._ring.position[rows[at - 1], column]
                 driven[column] = abs(float(step)) <= self._jump[column]
         return driven
@@ -409,7 +410,7 @@ class Playback:
         return mask
 
     def _lead_in(self, column: int, at: int, after_u: int, u: float, rate: float) -> None:
-        """Interpolate from rest, where the axis was, to its first row."""
+        """Interpolate from rest at an axis's start position to its first row."""
         row, ring = self._row, self._ring
         start = float(after_u - 1)
         if self._fresh >> column & 1:

@@ -1,11 +1,11 @@
 """The playback rate of a program: overrides up to 100 % and feed hold on the path, within all axes' limits.
 
 With the path Q(u) of the rows, setpoints are Q(u_k) for the cycles k. A change of rate is an s-curve of r,
-tried on the very setpoints that it would give (`motion/kernels/rate_search.py`, a bounded number of them a
-cycle): only one whose first, second and third differences keep the velocity, acceleration and jerk of every
-axis, and whose torques keep those of every joint, is followed. Each change ends at a steady rate of 100 % or
-less, or at rest, from where rows can always be played on. So it can be followed to its end whatever comes; a
-new order replaces it as soon as a change is found that keeps all limits.
+tried on the setpoints that it would give (`motion/kernels/rate_search.py`, a bounded number of them per
+cycle). It is followed only if their first, second and third differences keep the velocity, acceleration and
+jerk limits of every axis, and their torques those of every joint. Each change ends at a steady rate of at
+most 100 %, or at rest, from where rows can always be played on: so it can be followed to its end in any case.
+A new order replaces it as soon as a change for that is found that keeps all limits.
 """
 
 from __future__ import annotations
@@ -26,34 +26,38 @@ from mcserver.motion.kernels.rate_search import TRIES, Manner, SearchMemory, sea
 from mcserver.motion.kernels.rate_trial import SETTLING
 from mcserver.motion.kernels.rate_window import RateState, RingRows
 
-# What differences at the cycle rate may pass the limits by, inside the 100.1 %, 101 % and 105 % that
-# velocity, acceleration and jerk are judged at; what rows do themselves is allowed in any case.
+# Factors by which differences at the cycle rate may exceed the limits, within the 100.1 %, 101 % and 105 %
+# that velocity, acceleration and jerk are tested for; the differences of the rows themselves are always
+# allowed.
 VELOCITY_SLACK, ACCELERATION_SLACK, JERK_SLACK = 1.0005, 1.004, 1.04
-# Cycles without a change that keeps all limits. Motion that stands goes on a little way after as many without
-# new rows either: the gentle change may only lack room. After twice as many the one that passes the limits
-# least is made: rows whose vertices pass a jerk limit let no other through, and motion would stand for good.
+# Cycles without a change within all limits after which the change that exceeds them least is made: where
+# vertices of the rows exceed a jerk limit there is no other, and motion would stand for ever. Motion at rest
+# before an edge first goes on a little way, since a gentle change may just lack room, and makes any change
+# after twice as many.
 PATIENCE = 250
-# The same while a stop before an edge has to begin: later there is room for worse ones only.
+# The same while a stop before an edge has to begin: later there is only room for worse ones.
 NEAR_PATIENCE = 6
-# Cycles in which only whole changes at full speed are tried: they may merely have to wait for a moment.
+# Cycles in which only whole changes at full speed are tried: these may become possible shortly.
 QUICK_TRIES = 8
-# Cycles between two searches for a change that goes further, or sooner, than the one that is followed; and
-# from how long a change on it is looked for. In an emergency stop that is every cycle, and any change.
-AGAIN, SLOW_CYCLES = 12, 48
-# Share of the rows in which a stop is near from which on that patience counts.
+# Period of searching for a change that goes further, or is faster, than the one that is followed [cycles].
+AGAIN = 12
+# It is searched for if the present change lasts longer than this [cycles]; in an emergency stop in every
+# cycle, for any change.
+SLOW_CYCLES = 48
+# `NEAR_PATIENCE` applies within this share of the rows before an edge in which a stop is near.
 NEAR_ROOM = 0.6
-# Rows ahead without which a stop may be near: so many stops of the rows' speed, and some more. Where rows
-# brake before the edge with all that an axis has, only who was slow before that can stop on it: two and a
-# half times the rows that a stop from 100 % takes.
+# A stop is near within so many stops of the rows' speed before an edge, plus some rows. Where rows brake
+# before the edge at an axis's limits, only a motion that was slow before can stop on it: that takes two and a
+# half times the rows of a stop from 100 %.
 NEAR_STOPS, NEAR_ROWS = 1.25, 8.0
-# Share of the rows in which a stop is near, that motion goes on by where there is no room for more.
+# Share of the rows in which a stop is near by which motion goes on where there is no room for more.
 LITTLE_WAY = 0.99
 
 
 @dataclass(frozen=True)
 class _Order:
-    """What the rate is to become, the u before which the motion has to be able to stop (None: it ends by
-    itself), and whether jerk does not count.
+    """The ordered rate, the u before which the motion has to be able to stop (None: it ends by itself), and
+    whether to stop without regard to jerk.
     """
 
     target: float
@@ -102,11 +106,11 @@ class RateControl:
         self._edge: float | None = None
         self._tries = 0
         self._last_u = math.nan
-        # of a motion that stands at its beginning: the edge, and how often and where it was searched for
+        # for a motion at its beginning: the edge, and how often and from which try a plan was searched for
         self._begun: tuple[float | None, int, int] = (None, 0, 0)
 
     def jump(self, rate: float) -> None:
-        """Set the rate at once: nothing moves by it."""
+        """Set the rate at once, while nothing moves by it."""
         self.rate = rate
         self._slope = 0.0
         self._plan = None
@@ -115,21 +119,19 @@ class RateControl:
 
     @property
     def steady(self) -> bool:
-        """Whether rows are played one a cycle, with no change of the rate under way."""
+        """Whether rows are played one per cycle, without a change of the rate under way."""
         return self._plan is None and self.rate == 1.0
 
     def rows_before(self, u: float, edge: float) -> int:
-        """Return the rows that u may pass before a stop at an edge has to be thought of."""
+        """Return the rows that u may pass before a stop at an edge has to be planned."""
         return max(0, int(edge - u - self._far(u, edge)) - 1)
 
     def _far_from(self, stop: float) -> float:
-        """Return the rows before an edge from which on a stop of some cycles there is thought of."""
+        """Return the number of rows before an edge within which a stop of some cycles is near."""
         return NEAR_STOPS * (max(stop, self._ring.torque_stop) if self._has_torques else stop) + NEAR_ROWS
 
     def _far(self, u: float, edge: float | None) -> float:
-        """Return the rows before an edge from which on a stop there is thought of: by the speeds of the rows
-        up to it.
-        """
+        """Return the number of rows before an edge within which a stop is near, by the rows' speeds."""
         far = self._far_from(self._stop)
         if edge is None or edge - u >= far:
             return far
@@ -141,19 +143,19 @@ class RateControl:
         """Step one cycle towards ``target``; return the rows that u passes in it.
 
         Args:
-            u: at the cycle's beginning. target: 0 to 1. edge: u before which the motion has to be able to
-                stop; None: it ends by itself. urgent: stop without regard to jerk. begins: the motion stands
-                at its beginning, and goes on at the present rate if it can stop before the edge.
+            u: at the cycle's beginning. target: ordered rate, 0 to 1. edge: u before which the motion has to
+                be able to stop; None: it ends by itself. urgent: stop without regard to jerk. begins: the
+                motion is at its beginning, and goes on at the present rate if it can stop before the edge.
         """
         order = _Order(target, edge, urgent)
         plan = self._plan
         passed, self._last_u = u - self._last_u, u
         if not 0.0 <= passed <= 1.0 + 1e-9:
-            # the motion has begun, or has been kept back
+            # the motion has begun, or has been held back
             passed = self.rate
         before = 0.0 if plan is None or self._passed == 0 else plan.at(self._passed)[0]
         if plan is not None and abs(self._origin + before - u) > 1e-6:
-            # a barrier or an edge has kept u back
+            # a barrier or an edge has held u back
             plan = self._plan = None
         if self.rate == 0.0 and edge != self._edge:
             # new rows are new room
@@ -182,9 +184,7 @@ class RateControl:
         return after - before
 
     def _search_from_rest(self, u: float, order: _Order, far: float) -> RatePlan | None:
-        """Return a plan for a motion that stands at its beginning, and has too few rows ahead to stop from
-        100 %.
-        """
+        """Return a plan for a motion at its beginning that has too few rows ahead to stop from 100 %."""
         self.rate = 0.0
         if order.edge != self._begun[0]:
             # new rows are new room
@@ -197,7 +197,7 @@ class RateControl:
     # ------------------------------------------------------------------ when
 
     def _is_due(self, u: float, order: _Order, far: float) -> bool:
-        """Return whether a new plan is needed, or may be better."""
+        """Return whether to search for a plan: one is needed, or may be better than the present one."""
         plan, had = self._plan, self._order
         near = order.edge is not None and order.edge - u < far
         if plan is None:
@@ -212,7 +212,7 @@ class RateControl:
         return self._refused > 0
 
     def _may_be_better(self, order: _Order) -> bool:
-        """Return whether a plan is followed that goes only a part of the way, or slowly."""
+        """Return whether the present plan goes only a part of the way, or is slow."""
         plan, had = self._plan, self._order
         if plan is None or had is None or had.target != order.target or had.urgent != order.urgent:
             return False
@@ -221,7 +221,7 @@ class RateControl:
         return plan.target != 0.0
 
     def _is_better(self, found: RatePlan, order: _Order) -> bool:
-        """Return whether a plan comes closer to what is ordered than the one that is followed, or sooner."""
+        """Return whether a plan comes closer to the ordered rate than the present one, or sooner."""
         plan = self._plan
         if plan is None or not self._may_be_better(order):
             return True
@@ -232,7 +232,7 @@ class RateControl:
     # ------------------------------------------------------------------ what
 
     def _search(self, u: float, order: _Order, passed: float, far: float) -> RatePlan | None:
-        """Return the fastest plan found that keeps all limits."""
+        """Return the fastest plan found that keeps all limits, or else one that `PATIENCE` allows."""
         ahead = 2.0 * self._far_from(self._stop) + 4 * AGAIN
         window = self._playback.window(u, math.ceil(ahead))
         if window is None:
@@ -240,10 +240,10 @@ class RateControl:
         edge = math.inf if order.edge is None else order.edge
         must_stop = edge - u < 2.0 * self.rate
         patience = PATIENCE
-        # a plan that is followed ends at a rate that can be kept: a faster one may be waited for
+        # the present plan ends at a rate that can be kept: a better one may be waited for
         waits = self._plan is None or order.target < self.rate
-        # rows that brake with all that an axis has leave no room to be slower: a stop on the edge, at which
-        # they are slow, is looked for too, and from further away
+        # rows that brake at an axis's limits leave no room for a lower rate: also search for a stop on the
+        # edge, where the rows are slow, and from further away
         delays = order.target == 0.0 or (order.target < self.rate and self._refused >= QUICK_TRIES)
         reach = self._far_from(self._stop) if delays else far
         near = self._plan is None and self.rate > 0.0 and edge - u < reach
@@ -251,7 +251,7 @@ class RateControl:
         if near and edge - u < NEAR_ROOM * far * self.rate:
             patience = NEAR_PATIENCE
         elif stands and edge < math.inf:
-            # in turns: within all limits a little way, then by any change, by any a little way
+            # in turn: a little way within all limits; any change; a little way by any change
             stage = min(self._refused // PATIENCE, 3)
             patience = 2 * PATIENCE
             if stage in (1, 3):

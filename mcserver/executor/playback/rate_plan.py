@@ -1,4 +1,4 @@
-"""Changes of the playback rate as they are followed, on the cycle grid.
+"""Plans of the playback rate on the cycle grid.
 
 Time is counted in cycles and u in rows, one row a cycle at a rate of 1.
 """
@@ -38,7 +38,7 @@ class RatePlan:
     """Rates of the cycles to come.
 
     Attributes:
-        phases: at least one, the last one at the target. cycles: until its end.
+        phases: at least one, the last one at the target. cycles: its duration.
         target: the steady rate at its end.
     """
 
@@ -51,7 +51,7 @@ class RatePlan:
 
     @classmethod
     def of(cls, phases: Array, target: float, steady: int = 0) -> RatePlan:
-        """Follow phases, shape (n, 4) as of `rate_changes`, for ``steady`` cycles beyond the last one.
+        """Return the plan of phases, shape (n, 4) as in `rate_changes`, and ``steady`` cycles after them.
 
         A plan that ends within a cycle goes on at its target until the cycle ends.
         """
@@ -70,7 +70,7 @@ class RatePlan:
         """
         phases = self.phases
         number = len(phases) - 1
-        # a cycle that ends with a phase is still of it
+        # a cycle that ends with a phase belongs to it
         while number > 0 and cycle <= phases[number].start:
             number -= 1
         return phases[number].at(cycle - phases[number].start)

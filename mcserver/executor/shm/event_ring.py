@@ -1,7 +1,7 @@
-"""The ring of reports from the executor to the server: line starts and ends, faults, positions.
+"""The ring of events from the executor to the planner: line starts and ends, faults, positions.
 
 Single writer, single reader, as `mcserver.executor.shm.rings`. When it is full the executor does not wait:
-the report is counted as lost, and the reader sees the count.
+the event is counted as lost, and the reader sees the count.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mcserver.executor.entries import EventKind, ExecutorEvent
 
-# By number: asked for twice a line, where calling the enumeration takes longer than all the rest.
+# By number: used twice a line, where calling the enumeration takes longer than all the rest.
 _KINDS = MappingProxyType({kind.value: kind for kind in EventKind})
 
 EVENTS = 16384
@@ -28,7 +28,7 @@ _WRITTEN, _READ, _LOST, _PAYLOADS_WRITTEN, _PAYLOADS_READ = range(5)
 
 
 def event_ring_size(axes: int, events: int = EVENTS) -> int:
-    """Bytes that the ring takes."""
+    """Return the size of the ring in bytes."""
     return 8 * _HEADER_WORDS + events * _EVENT.size + PAYLOADS * 2 * axes * 8
 
 
@@ -37,7 +37,7 @@ class EventRing:
 
     Args:
         buffer: at least `event_ring_size` bytes, zeroed; None: memory of this process.
-        axes: K; a report carries up to 2·K values.
+        axes: K; an event carries up to 2·K values.
     """
 
     def __init__(self, buffer: bytearray | memoryview | None, axes: int, events: int = EVENTS) -> None:
@@ -53,7 +53,7 @@ class EventRing:
         ).reshape(PAYLOADS, 2 * axes)
 
     def put(self, event: ExecutorEvent) -> bool:
-        """Add a report; False if there was no room and it is lost."""
+        """Add an event; return False if there was no room and it is lost."""
         counters = self._counters
         written = counters[_WRITTEN]
         count = len(event.values)
@@ -85,7 +85,7 @@ class EventRing:
         return True
 
     def take(self, limit: int = EVENTS) -> list[ExecutorEvent]:
-        """Return the reports since the last call, in order."""
+        """Return the events since the last call, in order."""
         counters = self._counters
         read, written = counters[_READ], counters[_WRITTEN]
         payload = counters[_PAYLOADS_READ]
@@ -105,5 +105,5 @@ class EventRing:
 
     @property
     def lost(self) -> int:
-        """How many reports found no room since the start."""
+        """Number of events that found no room since the start."""
         return self._counters[_LOST]

@@ -1,7 +1,7 @@
 """Feedback of every cycle, from the executor to the server: a ring of rows that the writer overwrites.
 
-A cycle is one row of doubles, copied at once. The writer announces a row after it is complete; the reader
-copies rows and then drops those that the writer may have begun to overwrite meanwhile.
+A cycle is one row of doubles, copied at once. The writer counts a row after it is complete; the reader copies
+rows and then drops those that the writer may have begun to overwrite meanwhile.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from mcserver.executor.shm.mailbox import SLOTS
 Array = NDArray[np.float64]
 
 CYCLES = 2048
-# Rows next to the writer that a reader does not trust.
+# Oldest rows that a reader drops, since the writer may be overwriting them.
 GUARD = 8
 
 _HEADER_WORDS = 8
@@ -94,12 +94,12 @@ class FeedbackState:
     Attributes:
         time: [s]. cycle: its number. late_cycles, lost_events: counts since the start.
         line: line that set this cycle's row, 0 where none runs. estop: the emergency stop is latched.
-        homed: mask of the columns that know where they are.
+        homed: mask of the homed columns.
         setpoint, velocity: commanded. actual, actual_velocity, torque: from the drives.
         condition: values of `AxisCondition`.
-        interlocked: an input holds the programs, or has held them and nobody has resumed since.
+        interlocked: an input holds the programs, or has held them and they have not been resumed since.
         inputs, outputs: values of the machine's inputs and outputs, in the order of its file's model.
-        owners: who has set each output last: a slot, or as `mcserver.executor.io_bank` has it.
+        owners: who has set each output last: a slot, or a constant of `mcserver.executor.io_bank`.
     """
 
     time: float
@@ -123,11 +123,11 @@ class FeedbackState:
 
 
 class FeedbackRow:
-    """The row that the executor fills in the course of a cycle: views of one array of doubles.
+    """The row that the executor fills during a cycle: views of one array of doubles.
 
     Attributes:
-        ordered, ordered_velocity: shape (K,), what programs and motions set. Without shapers they are the
-            setpoints of drives themselves.
+        ordered, ordered_velocity: shape (K,), set by programs and motions. Without shapers they are the
+            drives' setpoints themselves.
     """
 
     def __init__(self, axes: int, inputs: int = 0, outputs: int = 0) -> None:
@@ -140,7 +140,7 @@ class FeedbackRow:
         self.inputs, self.outputs, self.owners = _io_blocks(self.row, axes, inputs, outputs)
 
     def separate_orders(self) -> None:
-        """Let what is ordered be something else than what drives get, which is made of it."""
+        """Give orders arrays of their own, from which shapers make the drives' setpoints."""
         self.ordered, self.ordered_velocity = self.setpoint.copy(), self.velocity.copy()
 
     def set_homed(self, mask: int) -> None:
@@ -148,7 +148,7 @@ class FeedbackRow:
         self._set_mask(_HOMED, mask)
 
     def set_silent(self, mask: int) -> None:
-        """Write which columns have a drive that does not answer: what it said last is old."""
+        """Write which columns have a drive that does not answer, so that its feedback is old."""
         self._set_mask(_SILENT, mask)
 
     def _set_mask(self, at: int, mask: int) -> None:
@@ -166,12 +166,12 @@ class FeedbackRow:
 
 
 def homed_of(row: Sequence[float] | Array) -> int:
-    """Return the mask of the columns that have a reference, of a row."""
+    """Return the mask of the homed columns of a row."""
     return _mask_at(row, _HOMED)
 
 
 def silent_of(row: Sequence[float] | Array) -> int:
-    """Return the mask of the columns whose drives do not answer, of a row."""
+    """Return the mask of the columns of a row whose drives do not answer."""
     return _mask_at(row, _SILENT)
 
 
@@ -180,17 +180,17 @@ def _mask_at(row: Sequence[float] | Array, at: int) -> int:
 
 
 def row_width(axes: int, inputs: int = 0, outputs: int = 0) -> int:
-    """Doubles in a row."""
+    """Return the number of doubles in a row."""
     return _HEAD + _BLOCKS * axes + _SLOT * SLOTS + inputs + 2 * outputs
 
 
 def feedback_ring_size(axes: int, cycles: int = CYCLES, *, inputs: int = 0, outputs: int = 0) -> int:
-    """Bytes that the ring takes."""
+    """Return the size of the ring in bytes."""
     return 8 * (_HEADER_WORDS + cycles * row_width(axes, inputs, outputs))
 
 
 def _io_blocks(rows: Array, axes: int, inputs: int, outputs: int) -> tuple[Array, Array, Array]:
-    """Inputs, outputs and their owners in rows, views of the last dimension."""
+    """Return views of inputs, outputs and their owners in rows, along the last dimension."""
     at = _HEAD + _BLOCKS * axes + _SLOT * SLOTS
     ends = (at + inputs, at + inputs + outputs, at + inputs + 2 * outputs)
     return rows[..., at : ends[0]], rows[..., ends[0] : ends[1]], rows[..., ends[1] : ends[2]]
@@ -223,31 +223,31 @@ class FeedbackRing:
         self._rows: Array = np.frombuffer(self._buffer, np.float64, cycles * width, 8 * _HEADER_WORDS)
         self._rows = self._rows.reshape(cycles, width)
         self._width = width
-        # the same as plain numbers: of a single row they are read in a fraction of NumPy's time
+        # the same as Python numbers, which for a single row are read in a fraction of numpy's time
         self._cells = self._buffer[8 * _HEADER_WORDS : 8 * (_HEADER_WORDS + cycles * width)].cast("d")
 
     def put(self, row: Array) -> None:
-        """Add a cycle; the oldest one goes."""
+        """Add a cycle, overwriting the oldest one."""
         written = self._counter[0]
         self._rows[written % self._cycles] = row
         self._counter[0] = written + 1
 
     def skip(self, count: int) -> None:
-        """Count cycles whose rows nobody reads."""
+        """Count cycles without writing their rows, which nobody reads."""
         self._counter[0] += count
 
     def newest_setpoint(self, axes: int) -> Array:
-        """Setpoints of the cycle before, for the writer; shape (K,). All 0 before the first."""
+        """Return the last cycle's setpoints, for the writer, shape (K,); all 0 before the first."""
         part: Array = self._rows[(self._counter[0] - 1) % self._cycles, _HEAD : _HEAD + axes]
         return part
 
     @property
     def written(self) -> int:
-        """How many cycles were put; the newest row has the sequence number below."""
+        """Number of cycles that were put; the newest row has this sequence number - 1."""
         return self._counter[0]
 
     def since(self, sequence: int, limit: int = CYCLES) -> tuple[int, Array]:
-        """Return the rows from ``sequence`` on, or from the oldest that is left.
+        """Return the rows from ``sequence`` on, or from the oldest one available.
 
         Returns:
             Sequence number of the first row, and the rows, shape (n, `row_width`); see `time_of` and the
@@ -295,15 +295,13 @@ class FeedbackRing:
         return row[start : start + self._axes]
 
     def block(self, rows: Array, name: str) -> Array:
-        """One quantity of rows, shape (n, K): setpoint, velocity, actual, actual_velocity, torque,
-        condition.
-        """
+        """Return one quantity of rows, shape (n, K), by its name in lower case in `Block`."""
         start = _HEAD + Block[name.upper()] * self._axes
         part: Array = rows[:, start : start + self._axes]
         return part
 
     def channels_of(self, row: list[float]) -> tuple[list[float], list[float], list[int]]:
-        """Return the inputs, the outputs and who has set these, of one row."""
+        """Return inputs, outputs and owners of outputs of one row."""
         at = _HEAD + _BLOCKS * self._axes + _SLOT * SLOTS
         outputs = at + self._inputs
         owners = outputs + self._outputs
@@ -315,7 +313,7 @@ class FeedbackRing:
         return inputs, outputs
 
     def slots_of(self, rows: Array) -> Array:
-        """Programs' slots of rows, shape (n, slots, 4): `SLOT_U`, `SLOT_RATE`, …"""
+        """Return the programs' slots of rows, shape (n, slots, 4): `SLOT_U`, `SLOT_RATE`, …"""
         at = _HEAD + _BLOCKS * self._axes
         return rows[:, at : at + _SLOT * SLOTS].reshape(len(rows), SLOTS, _SLOT)
 

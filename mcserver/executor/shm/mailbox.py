@@ -1,9 +1,9 @@
-"""What the server tells the executor besides motion: the newest value wins.
+"""The mailbox of orders from the server to the executor, besides motion: the newest value wins.
 
 Every field is one aligned word with one writer. Requests that must not be missed are counters: each request
-raises its counter, and the executor compares with what it has seen. Fields that belong together (a slot's
-axes and its generation) are written before the counter that announces them. A change counter tells the
-executor in one read that there is nothing new.
+increments its counter, and the executor compares it with the last value it has seen. Fields that belong
+together (a slot's axes and its generation) are written before the counter that announces them. A change
+counter tells the executor in one read whether anything is new.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import msgspec
 
 from mcserver.executor.envelope_bounds import Envelope, decode_envelope
 
-# Programs that run side by side.
+# Most programs that run at the same time.
 SLOTS = 8
 
 _CHANGES, _OVERRIDE, _HOLD, _STOP, _ESTOP, _RESET, _RESET_MASK, _SERVER_BEAT, _EXECUTOR_BEAT = range(9)
@@ -24,9 +24,9 @@ _HEAD = 16
 _S_OVERRIDE, _S_HOLD, _S_ABORT, _S_RESUME, _S_GENERATION, _S_AXES, _S_ROWS, _S_CONTROLS = range(8)
 _S_UNHOMED, _S_ENVELOPE, _S_CONFIRM = 8, 9, 10
 _SLOT = 16
-# bytes for the envelope of a slot's program, behind all words
+# bytes for the envelope of a slot's program, after all words
 _ENVELOPE_BYTES = 32 * 1024
-# of each output and input: how often it was set, and to what
+# words of each output and input: number of orders, and the newest value
 _CHANNEL = 2
 
 OVERRIDE_MAX = 2.0
@@ -35,12 +35,12 @@ _ALL = (1 << 64) - 1
 
 @dataclass(frozen=True)
 class SlotOrders:
-    """The orders for one slot; counters are compared with those seen before.
+    """The orders for one slot; the executor compares counters with those it has seen.
 
     Attributes:
-        resume: ends of feed hold. confirm: confirmations of a pause (M00, M01), which no resume gives.
-        unhomed: the program may move axes that are not homed.
-        envelope: what an approved run has to stay within; None: it is no such run.
+        resume: counter of ends of feed hold. confirm: counter of confirmations of a pause (M00, M01), which
+            ``resume`` does not end. unhomed: the program may move axes that are not homed.
+        envelope: of an approved run; None: not an approved run.
     """
 
     override: float
@@ -61,8 +61,8 @@ class MachineOrders:
     """Orders to the whole machine.
 
     Attributes:
-        reset_estop: emergency stops asked for before the reset was; it clears none of the later ones.
-        resume: ends of the feed hold of all programs.
+        reset_estop: counter of emergency stops at the reset, which clears no later ones.
+        resume: counter of ends of the feed hold of all programs.
     """
 
     override: float
@@ -75,12 +75,12 @@ class MachineOrders:
 
 
 def mailbox_size(inputs: int = 0, outputs: int = 0) -> int:
-    """Bytes that the mailbox takes."""
+    """Return the size of the mailbox in bytes."""
     return 8 * (_HEAD + SLOTS * _SLOT + (inputs + outputs) * _CHANNEL) + SLOTS * _ENVELOPE_BYTES
 
 
 def signed(mask: int) -> int:
-    """Return a mask of up to 64 columns as the signed number of the same bits."""
+    """Return a mask of up to 64 columns as a signed number with the same bits."""
     return mask - (1 << 64) if mask >= 1 << 63 else mask
 
 
@@ -110,7 +110,7 @@ class CommandMailbox:
         self._decoded: dict[int, tuple[int, Envelope | None]] = {}
 
     def initialise(self) -> None:
-        """Set overrides of 100 %; by the side that made the buffer, before the other one looks."""
+        """Set overrides of 100 %; to be called by the side that made the buffer, before the other reads."""
         self._numbers[_OVERRIDE] = 1.0
         for slot in range(SLOTS):
             self._numbers[_HEAD + slot * _SLOT + _S_OVERRIDE] = 1.0
@@ -151,8 +151,8 @@ class CommandMailbox:
         """Open a free slot for a new program.
 
         Args:
-            axes_mask: columns that it may move. base: what `ProgramRing.restart` gave.
-            unhomed: it may move axes that are not homed. envelope: that it has to stay within.
+            axes_mask: columns that it may move. base: as `ProgramRing.restart` has returned.
+            unhomed: it may move axes that are not homed. envelope: of an approved run.
 
         Raises:
             ValueError: the envelope does not fit.
@@ -173,8 +173,7 @@ class CommandMailbox:
             words[at + _S_ROWS], words[at + _S_CONTROLS] = base
             words[at + _S_HOLD] = int(hold)
             words[at + _S_UNHOMED] = int(unhomed)
-            # requests count from the program's beginning, so that none made for another one is taken for its
-            # own
+            # counters start at 0 with the program, so that no request for another one is taken for its own
             words[at + _S_ABORT] = words[at + _S_RESUME] = words[at + _S_CONFIRM] = 0
             self._numbers[at + _S_OVERRIDE] = _bounded(override)
             words[at + _S_GENERATION] += 1
@@ -182,18 +181,18 @@ class CommandMailbox:
             return words[at + _S_GENERATION]
 
     def set_override(self, ratio: float, slot: int | None = None) -> None:
-        """Order a feed override, 0 … 2; of all programs without ``slot``."""
+        """Order a feed override, 0 … 2, of one slot or of all programs."""
         word = _OVERRIDE if slot is None else self._of(slot) + _S_OVERRIDE
         self._set_number(word, _bounded(ratio))
 
     def set_hold(self, hold: bool, slot: int | None = None) -> None:
-        """Order a feed hold, or its end; of all programs without ``slot``."""
+        """Order a feed hold, or its end, of one slot or of all programs."""
         self._set(_HOLD if slot is None else self._of(slot) + _S_HOLD, int(hold))
         if not hold and slot is None:
             self._count(_RESUME)
 
     def abort(self, slot: int) -> None:
-        """Stop a program along its path and drop what is left of it."""
+        """Stop a program on its path and drop the rest of it."""
         self._count(self._of(slot) + _S_ABORT)
 
     def resume(self, slot: int) -> None:
@@ -214,8 +213,10 @@ class CommandMailbox:
         self._count(_ESTOP)
 
     def reset(self, mask: int = _ALL) -> None:
-        """Clear the emergency stop and the latched faults of the columns in ``mask``, unless a stop comes
-        before the executor has done so."""
+        """Clear the emergency stop and the latched faults of the columns in ``mask``.
+
+        An emergency stop that comes before the executor has done so stays latched.
+        """
         with self._lock:
             self._words[_RESET_MASK] = signed(mask)
             self._words[_RESET_ESTOP] = self._words[_ESTOP]
@@ -243,7 +244,7 @@ class CommandMailbox:
             self._words[_CHANGES] += 1
 
     def beat(self) -> None:
-        """Say that the server is alive."""
+        """Signal that the server is alive."""
         self._words[_SERVER_BEAT] += 1
 
     def quit(self) -> None:
@@ -252,7 +253,7 @@ class CommandMailbox:
 
     @property
     def executor_beat(self) -> int:
-        """Grows with every cycle of the executor."""
+        """Counter of the executor's cycles."""
         return self._words[_EXECUTOR_BEAT]
 
     @property
@@ -269,7 +270,7 @@ class CommandMailbox:
 
     @property
     def changes(self) -> int:
-        """Differs from before if any order has changed."""
+        """Counter of changes of any order."""
         return self._words[_CHANGES]
 
     @property
@@ -279,20 +280,20 @@ class CommandMailbox:
 
     @property
     def io_orders(self) -> int:
-        """How often an input or output was set."""
+        """Number of orders for inputs and outputs."""
         return self._words[_IO_ORDERS]
 
     def output_order(self, column: int) -> tuple[int, float]:
-        """Return how often an output was set, and its newest value."""
+        """Return the number of orders for an output, and the newest value."""
         return self._channel_order(column)
 
     def input_order(self, column: int) -> tuple[int, float]:
-        """Return how often a simulated input was set, and its newest value."""
+        """Return the number of orders for a simulated input, and the newest value."""
         return self._channel_order(self._outputs + column)
 
     def _channel_order(self, number: int) -> tuple[int, float]:
         at = _HEAD + SLOTS * _SLOT + number * _CHANNEL
-        # the counter first: a newer value with an older counter is read again
+        # read the counter first: a newer value with an older counter is read again
         count = self._words[at]
         return count, self._numbers[at + 1]
 
@@ -315,8 +316,8 @@ class CommandMailbox:
 
     def machine_orders(self) -> MachineOrders:
         words = self._words
-        # the counter first: a newer mask with an older counter is read again, the other way round it would be
-        # missed
+        # read the counter first: a newer mask with an older counter is read again; an older mask with a newer
+        # counter would be missed
         reset = words[_RESET]
         return MachineOrders(
             self._numbers[_OVERRIDE],
@@ -329,7 +330,7 @@ class CommandMailbox:
         )
 
     def effective_override(self, slot: int) -> float:
-        """Return the feed override of a slot's program, the machine's included."""
+        """Return the feed override of a slot's program, multiplied by the machine's."""
         own = self._numbers[self._of(slot) + _S_OVERRIDE]
         return min(own * self._numbers[_OVERRIDE], OVERRIDE_MAX)
 

@@ -1,9 +1,9 @@
 """One program's ring of setpoint rows and ring of control entries, over one buffer.
 
-Single writer (the planner's side), single reader (the executor's). The counters only grow; each is written by
-one side. A payload is written before the counter that announces it, and read before the counter that frees
-it: on x86-64 stores become visible in program order and CPython reorders nothing, so aligned 8-byte counters
-are enough; other architectures would need a barrier here. A full ring has no room, and nothing is ever
+Single writer (the planner), single reader (the executor). The counters only grow; each is written by one
+side. A payload is written before the counter that announces it, and read before the counter that frees it: on
+x86-64 stores become visible in program order and CPython does not reorder them, so aligned 8-byte counters
+are enough; other architectures would need a barrier here. A full ring accepts nothing, so nothing is
 overwritten.
 """
 
@@ -27,17 +27,17 @@ CONTROLS = 4096
 
 _HEADER_WORDS = 8
 _ROWS_WRITTEN, _ROWS_READ, _CONTROLS_WRITTEN, _CONTROLS_READ, _TORQUE_STOP, _ZONES_AHEAD = range(6)
-# number of the row after those that come with it; kind, u, line, axes, seconds, operation, token, channel,
-# value, whether values follow
+# number of the row after those that belong to the entry; kind, u, line, axes, seconds, operation, token,
+# channel, value, whether values follow
 _CONTROL = struct.Struct("<qqdqQdqqqdq")
-# the same by word
+# indices of its words
 _WITH, _KIND, _U, _LINE = range(4)
 _WORDS = _CONTROL.size // 8
-# Edges up to which entries one by one take less time than columns.
+# Up to so many edges are put faster one by one than in columns.
 FEW_EDGES = 4
-# what rounding may take u back by between entries
+# tolerance for rounding of u, which must not decrease between entries
 _ROUNDING = 1e-6
-# By number: asked for twice a line, where calling the enumeration takes longer than all the rest.
+# By number: used twice a line, where calling the enumeration takes longer than all the rest.
 _KINDS = MappingProxyType({kind.value: kind for kind in ControlKind})
 
 Buffer = bytearray | memoryview
@@ -45,34 +45,33 @@ _Scalar = TypeVar("_Scalar", bound=np.generic)
 
 
 def scalar_view(array: NDArray[Any]) -> Any:
-    """View an array's elements as Python numbers; reading one takes 20 ns, through numpy it takes 90."""
+    """View an array's elements as Python numbers; reading one takes 20 ns, through numpy 90 ns."""
     view: Any = memoryview(array)  # type: ignore[arg-type]
     return view
 
 
 def program_ring_size(rows: int, controls: int, axes: int, torques: int = 0) -> int:
-    """Return the bytes that a ring takes."""
+    """Return the size of a ring in bytes."""
     words = _HEADER_WORDS + rows * (5 + 2 * axes + NUMBERS * torques) + controls * (_CONTROL.size // 8 + axes)
     return 8 * words + target_box_size(axes)
 
 
 class ProgramRing:
-    """Both ends of the rings of one program; each side makes its own object over the same buffer.
+    """The rings of one program; writer and reader each make an object over the same buffer.
 
     Args:
         buffer: at least `program_ring_size` bytes, zeroed; None: memory of this process.
         axes: K, columns of the machine.
         torques: J, joints whose torques are limited.
-        stops: how long stops take from the rows' speeds; only the writer needs it. None: no time.
+        stops: computes the durations of stops from rows, for the writer; None: all 0.
 
     Attributes:
-        entry_rows, entry_kind, entry_u, entry_line: shape (controls,); entry number n stands at n % controls.
-            ``entry_rows``: number of the row after those that come with it. The reader's view.
-        row_u, row_mask, row_line: shape (rows,); position, velocity: (rows, K); stop: (rows,), how long a
-            stop from there takes [cycles]; feed_scale: (rows,), the override at which they are played as they
-            are; torque: (rows, 3, J), see `row_torques`, 0 where it is not known. Row number n of the program
-            stands at n % rows. The reader's view.
-        targets: of a program whose axes follow a stream of them.
+        entry_rows, entry_kind, entry_u, entry_line: shape (controls,); entry number n is at n % controls.
+            ``entry_rows``: number of the row after those that belong to it. For the reader.
+        row_u, row_mask, row_line: shape (rows,); position, velocity: (rows, K); stop: (rows,), duration of a
+            stop from there [cycles]; feed_scale: (rows,); torque: (rows, 3, J), see `row_torques`, 0 where
+            unknown. Row number n of the program is at n % rows. For the reader.
+        targets: of a program whose axes follow streamed targets.
     """
 
     def __init__(
@@ -137,25 +136,23 @@ class ProgramRing:
         return self._counters[_ROWS_WRITTEN], self._counters[_CONTROLS_WRITTEN]
 
     def put_zones_ahead(self, zones: int) -> None:
-        """Say which zones that an input switches the motion may come into, a bit each (`Clearance.switches`);
-        before the motion is put.
-        """
+        """Set which zones the next motion may enter that inputs switch, as bits of `Clearance.switches`."""
         self._counters[_ZONES_AHEAD] = zones
 
     def row_room(self) -> int:
-        """Return how many rows fit now."""
+        """Return the number of rows that fit now."""
         return self.rows - (self._counters[_ROWS_WRITTEN] - self._counters[_ROWS_READ])
 
     def control_room(self) -> int:
-        """Return how many control entries fit now."""
+        """Return the number of control entries that fit now."""
         return self.controls - (self._counters[_CONTROLS_WRITTEN] - self._counters[_CONTROLS_READ])
 
     def put_rows(self, rows: Rows) -> None:
-        """Put rows behind those before; their first u is above the last one put.
+        """Append rows, with u above the last one put.
 
         Raises:
             OverflowError: more rows than `row_room`; none was taken.
-            ValueError: u goes back; none was taken.
+            ValueError: u decreases; none was taken.
         """
         count, first_u, torque = len(rows), rows.first, rows.torque
         if count == 0:
@@ -181,11 +178,11 @@ class ProgramRing:
         self._counters[_ROWS_WRITTEN] = written + count
 
     def stop_ahead(self) -> float:
-        """Return the longest stop from the rows that the reader has not come to [cycles]."""
+        """Return the longest stop from the rows that the reader has not freed [cycles]."""
         return max(self.longest_stop(self._counters[_ROWS_READ]), float(self.torque_stop))
 
     def longest_stop(self, number: int) -> float:
-        """Return the longest stop from a row on, by the axes' limits [cycles]; 0 where there is none."""
+        """Return the longest stop from rows ``number`` on, by the axes' limits [cycles]; 0 without rows."""
         written = self._counters[_ROWS_WRITTEN]
         if number >= written:
             return 0.0
@@ -195,11 +192,11 @@ class ProgramRing:
         return float(max(self.stop[first:].max(), self.stop[:behind].max()))
 
     def put_control(self, control: Control, rows: int = 0) -> None:
-        """Put an entry before the rows that lie past it; its u is not below that of the entry before.
+        """Append an entry, before the rows after it; its u is at least that of the last entry.
 
         Args:
-            rows: how many rows are put right after it and belong to it: before they have come it is no entry,
-                so that u does not run on past a motion that begins.
+            rows: number of rows that are put right after it and belong to it: the reader ignores the entry
+                before these have come, so that u does not run on past a motion that begins.
 
         Raises:
             OverflowError: no `control_room`.
@@ -269,26 +266,26 @@ class ProgramRing:
 
     @property
     def torque_stop(self) -> int:
-        """The longest stop that the torques of this program's rows ask for [cycles]."""
+        """The longest stop that the torques of this program's rows need [cycles]."""
         return self._counters[_TORQUE_STOP]
 
     @property
     def zones_ahead(self) -> int:
-        """What `put_zones_ahead` has said last."""
+        """The zones of the last `put_zones_ahead`."""
         return self._counters[_ZONES_AHEAD]
 
     @property
     def rows_written(self) -> int:
-        """Return the number of the row after the last one."""
+        """One past the number of the last row."""
         return self._counters[_ROWS_WRITTEN]
 
     @property
     def controls_written(self) -> int:
-        """Number of the control entry after the last one."""
+        """One past the number of the last control entry."""
         return self._counters[_CONTROLS_WRITTEN]
 
     def free_rows(self, before: int) -> None:
-        """Give the writer the room of rows with numbers below ``before``: they are read."""
+        """Free the rows with numbers below ``before``."""
         self._counters[_ROWS_READ] = before
 
     def free_controls(self, before: int) -> None:
@@ -296,14 +293,14 @@ class ProgramRing:
         self._counters[_CONTROLS_READ] = before
 
     def glance(self, number: int) -> tuple[int, int, float]:
-        """Return of an entry, which must be there: the number of the row after those that come with it, its
-        kind as a number, and u [cycles].
+        """Return of an existing entry: the number of the row after those that belong to it, its kind as a
+        number, and u [cycles].
         """
         words, at = self._control_words, number % self.controls * _WORDS
         return words[at], words[at + _KIND], self._control_numbers[at + _U]
 
     def control(self, number: int) -> Control:
-        """Return the control entry of that number, which must be written and not freed."""
+        """Return the control entry of a number, which must be written and not freed."""
         at = number % self.controls
         _, kind, u, line, axes, seconds, operation, token, channel, value, has_values = _CONTROL.unpack_from(
             self._buffer, self._controls_at + at * _CONTROL.size

@@ -1,7 +1,7 @@
-"""One block of memory that server and executor share: mailbox, feedback, events and the programs' rings.
+"""The shared memory of server, planner and executor: mailbox, feedback, events and the programs' rings.
 
 It is anonymous (memfd): it has no name in the file system, and the kernel frees it with the last process that
-has it, however that process ends. So nothing can be left behind.
+maps it, however that process ends. So nothing is left behind.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _MFD_CLOEXEC = 1
 
 @dataclass(frozen=True)
 class SharedParts:
-    """One side's faces on the block."""
+    """The parts of the block, as mapped by one process."""
 
     mailbox: CommandMailbox
     feedback: FeedbackRing
@@ -46,9 +46,7 @@ def _sizes(machine: Machine) -> list[int]:
 
 
 def create_block(machine: Machine) -> int:
-    """Create a zeroed block of the size that `map_block` expects; return its descriptor, which the caller
-    closes.
-    """
+    """Create a zeroed block for `map_block`; return its descriptor, which the caller closes."""
     descriptor = _anonymous_file()
     try:
         os.ftruncate(descriptor, sum(_sizes(machine)))
@@ -62,7 +60,7 @@ def _anonymous_file() -> int:
     name = "mcserver-executor"
     if hasattr(os, "memfd_create"):
         return os.memfd_create(name)
-    # a Python built for older systems, such as uv's, does not name what this one's C library has
+    # a Python built for older systems, such as uv's, has no os.memfd_create, but this C library does
     create = ctypes.CDLL(None, use_errno=True).memfd_create
     descriptor: int = create(name.encode(), _MFD_CLOEXEC)
     if descriptor < 0:
@@ -72,9 +70,7 @@ def _anonymous_file() -> int:
 
 
 def map_block(descriptor: int, machine: Machine) -> SharedParts:
-    """Map a block; it stays mapped as long as one of its parts lives, also after the descriptor is
-    closed.
-    """
+    """Map a block; it stays mapped while any of its parts exists, even after the descriptor is closed."""
     sizes = _sizes(machine)
     whole = memoryview(mmap.mmap(descriptor, sum(sizes)))
     axes = len(machine.axes)
@@ -94,7 +90,7 @@ def map_block(descriptor: int, machine: Machine) -> SharedParts:
 
 
 def map_feedback(descriptor: int, machine: Machine) -> FeedbackRing:
-    """Map the feedback alone, for a process that only looks: it cannot write anything in the block."""
+    """Map the feedback only, for a process that only reads: it cannot write to the block."""
     before, size = _sizes(machine)[:2]
     whole = memoryview(mmap.mmap(descriptor, before + size, prot=mmap.PROT_READ))
     inputs, outputs = len(machine.inputs), len(machine.outputs)

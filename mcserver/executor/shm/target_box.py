@@ -1,8 +1,8 @@
 """The newest targets of one program's axes, from the server to the executor: the newest message wins.
 
-Each message is written to the next of some places, then counted. A reader that copies while the writer comes
-round to the same place finds so by the count and copies again in its next cycle. It may read anything: what
-it does with numbers keeps the axes' limits whatever they are.
+Each message is written to the next of several places, then counted. A reader whose place has been overwritten
+meanwhile notices it by the count, and copies again in its next cycle. Any numbers are safe to read: the axes'
+limits are kept for any targets.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ POINTS = 128
 PLACES = 4
 _COUNT, _CLOSING = range(2)
 _HEADER_WORDS = 8
-# Of a place: how many points, when it came, until when it counts, whether velocities alone are followed.
+# Words of a place: number of points, time of arrival, end of validity, whether only velocities are followed.
 _POINTS, _STAMP, _UNTIL, _BY_VELOCITY = range(4)
 _PLACE_HEAD = 4
 
@@ -29,9 +29,9 @@ class Targets(NamedTuple):
 
     Attributes:
         knots: shape (m, 1 + 2 n): executor time [s], positions and velocities of the program's n axes in the
-            order of their columns [SI]; between them the axes go on a cubic, behind the last one straight on.
-        stamp: executor time at which it came. until: at which it does not count any more [s].
-        by_velocity: velocities alone are followed, and positions are no matter.
+            order of their columns [SI]; cubic between knots, constant velocity after the last one.
+        stamp: executor time of arrival [s]. until: end of validity [s].
+        by_velocity: only velocities are followed, positions are ignored.
     """
 
     knots: Array
@@ -45,7 +45,7 @@ def _place_words(axes: int) -> int:
 
 
 def target_box_size(axes: int) -> int:
-    """Return the bytes that a box takes."""
+    """Return the size of a box in bytes."""
     return 8 * (_HEADER_WORDS + PLACES * _place_words(axes))
 
 
@@ -64,7 +64,7 @@ class TargetBox:
     # ------------------------------------------------------------------ the writer
 
     def restart(self) -> None:
-        """Forget what was put for another program."""
+        """Forget the messages for another program."""
         self._counters[_COUNT] = self._counters[_CLOSING] = 0
 
     def put(self, targets: Targets) -> None:
@@ -76,14 +76,14 @@ class TargetBox:
         self._counters[_COUNT] = count + 1
 
     def close(self) -> None:
-        """Say that no more will come: the axes go on to the last targets, and the program ends there."""
+        """Announce that no more will come: the axes go on to the last targets, and the program ends there."""
         self._counters[_CLOSING] = 1
 
     # ------------------------------------------------------------------ the reader
 
     @property
     def count(self) -> int:
-        """How many messages were put."""
+        """Number of messages that were put."""
         return self._counters[_COUNT]
 
     @property
