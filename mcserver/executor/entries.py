@@ -66,13 +66,13 @@ class Control(msgspec.Struct, frozen=True, gc=False):
         seconds: for DWELL; for PROBE the speed along the line [m/s]; for THREAD the pitch [m]; for WAIT the
             time-out; for SPEED by constant surface speed that speed [m/s]; for OUTPUT of a laser the path
             speed of ``axes`` at which it has its value [m/s or rad/s], 0: not scaled.
-        operation: for PROBE: a `ProbeKind`; for SPEED: 1 for constant surface speed by the position of column
-            ``channel``, whose value is the position of the spindle's axis; for THREAD: 1 for tapping; for
-            AXIS: index of the operation in ``list(AxisOperation)``; for MESH: a `MeshUse`; for FINISH: 1 where
-            a faulty line has ended the program, whose outputs become safe; for INPUT: a `WaitMode`; for PAYLOAD: tools, as
-            bits of `mckinematics.dynamics.JointDynamics.bits_of`.
-        token: for SETTLE: a number that the executor reports back with the positions; for PROBE 1
-            where the contact is a point of the bed mesh.
+        operation: for PROBE: a `ProbeKind`; for SPEED: 1 for constant surface speed by the position of
+            column ``channel``, whose value is the position of the spindle's axis; for THREAD: 1 for tapping;
+            for AXIS: index of the operation in ``list(AxisOperation)``; for MESH: a `MeshUse`; for FINISH: 1
+            where a faulty line has ended the program, whose outputs become safe; for INPUT: a `WaitMode`;
+            for PAYLOAD: tools, as bits of `mckinematics.dynamics.JointDynamics.bits_of`.
+        token: for SETTLE: a number that the executor reports back with the positions; for PROBE 1 where the
+            contact is a point of the bed mesh.
         channel: for OUTPUT and INPUT: column of the machine's output or input; for THREAD: of the spindle.
         value: for OUTPUT; for ADVANCE K [s]; for SPEED by constant surface speed the greatest [rad/s]; for
             THREAD the spindle's speed [1/s]; for FOLLOW the share of the acceleration limits that axes may
