@@ -54,9 +54,10 @@ class Compensation(msgspec.Struct, frozen=True):
     pitch_errors: tuple[tuple[float, float], ...]
     reserve: float
     share: float
-    beside_pitch: float
     square_errors: tuple[tuple[int, float], ...] = ()
     mesh: Mesh | None = None
+    # recordings of before are without
+    beside_pitch: float = 0.0
 
 
 class Limits(NamedTuple):
@@ -107,9 +108,9 @@ def read_compensation(
         tuple(errors),
         section.reserve,
         left,
-        left,
         square_errors_in_si(section.square_errors),
         None if section.mesh is None else section.mesh.scaled(scale),
+        left,
     )
 
 
