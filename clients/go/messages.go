@@ -36,6 +36,16 @@ const (
 	AxisUnitDeg AxisUnit = "deg"
 )
 
+// BedMeshState is a word of the wire. A later server may know further ones.
+type BedMeshState string
+
+// The words that this version knows.
+const (
+	BedMeshStateOff    BedMeshState = "off"
+	BedMeshStateFile   BedMeshState = "file"
+	BedMeshStateProbed BedMeshState = "probed"
+)
+
 // ChannelKind is a word of the wire. A later server may know further ones.
 type ChannelKind string
 
@@ -1058,6 +1068,9 @@ type MachineStatus struct {
 	Disk *DiskStatus `msgpack:"disk"`
 	// Mounted: tools that have bodies and are known to be there.
 	Mounted []MountedTool `msgpack:"mounted"`
+	// BedMesh: mesh in force where G29 probes one: none, that of the machine file, or the probed one; nil: G29 does
+	// not probe.
+	BedMesh *BedMeshState `msgpack:"bed_mesh"`
 }
 
 // MeshInfo: A mesh that the URDF names: `name` as it stands there; `size` in bytes, 0: it is not to be had.

@@ -203,6 +203,7 @@ def machine_status(service: MachineService, units: EdgeUnits) -> MachineStatus:
         outputs=service.channels.outputs(snapshot),
         disk=service.disk,
         mounted=_mounted(service),
+        bed_mesh=service.bed_mesh,
     )
 
 

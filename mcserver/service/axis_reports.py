@@ -10,7 +10,7 @@ from mcserver.machine.machine_file import Axis
 from mcserver.motion.canonical import MESH_OF_FILE, MeshUse
 from mcserver.service.event_log import EventLog
 from mcserver.service.references import References
-from mcserver.service.reports import ProbeStatus
+from mcserver.service.reports import BedMeshState, ProbeStatus
 
 # What an axis does while it is homed, for people.
 PHASES = MappingProxyType(
@@ -50,6 +50,13 @@ class AxisReports:
         self.probe: ProbeStatus | None = None
         self.offsets: dict[int, float] = {}
         self.mesh = MESH_OF_FILE
+
+    @property
+    def bed_mesh(self) -> BedMeshState:
+        """The mesh of the bed that counts, if programs probe one."""
+        if MeshUse.ON not in self.mesh:
+            return "off"
+        return "probed" if MeshUse.MET in self.mesh else "file"
 
     def handle(self, event: ExecutorEvent, program: str | None) -> bool:
         """Take an event of an axis by itself; False where it is of another kind.

@@ -27,6 +27,7 @@ ProgramState = Literal[
     "interrupted",  # the server that ran it went away
 ]
 MachineState = Literal["ready", "fault", "estop"]
+BedMeshState = Literal["off", "file", "probed"]
 AxisState = Literal[
     "off", "starting", "standstill", "moving", "speed", "torque", "stopping", "released", "fault"
 ]
@@ -316,6 +317,8 @@ class MachineStatus(msgspec.Struct, frozen=True):
         work_offsets: systems that were set, in which the next program starts (G54 is in force then).
         disk: how slow the disk under the journal is; None: it keeps up.
         mounted: tools that have bodies and are known to be there.
+        bed_mesh: mesh in force where G29 probes one: none, that of the machine file, or the probed one; None:
+            G29 does not probe.
     """
 
     t: float
@@ -334,6 +337,7 @@ class MachineStatus(msgspec.Struct, frozen=True):
     work_offsets: list[WorkOffset] = []
     disk: DiskStatus | None = None
     mounted: list[MountedTool] = []
+    bed_mesh: BedMeshState | None = None
 
 
 class LineReport(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -42,6 +42,7 @@ from mcserver.service.progress_reports import TICK_S
 from mcserver.service.recovering import Recovering
 from mcserver.service.reports import (
     Ack,
+    BedMeshState,
     DiskStatus,
     Event,
     Fault,
@@ -190,6 +191,11 @@ class MachineService:
     def probe(self) -> ProbeStatus | None:
         """How the last probing move ended."""
         return self._table.axis_reports.probe
+
+    @property
+    def bed_mesh(self) -> BedMeshState | None:
+        """The mesh of the bed that counts; None: programs do not probe it."""
+        return None if self.machine.dialect.mesh_axis is None else self._table.axis_reports.bed_mesh
 
     @property
     def references(self) -> dict[int, float]:

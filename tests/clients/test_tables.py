@@ -12,8 +12,8 @@ INFO = wire_value(Info, machine="dog", server="1", protocol=(1,), instance="i", 
 FOOT = wire_value(ToolPose, number=3, position=(-159.0, -400.0, 12.3456), orientation=(-8.913, 0.0, 90.0))
 
 
-def shown(*tools: ToolPose) -> str:
-    status = wire_value(MachineStatus, 0.0, 0.0, "i", "ready", wire_value(AxesStatus), tools=tools)
+def shown(*tools: ToolPose, **more: str) -> str:
+    status = wire_value(MachineStatus, 0.0, 0.0, "i", "ready", wire_value(AxesStatus), tools=tools, **more)
     console = Console(width=100, color_system=None)
     with console.capture() as capture:
         console.print(machine_view("dog", INFO, status))
@@ -34,3 +34,8 @@ def test_a_machine_without_tools_has_no_table_of_them() -> None:
 
 def test_where_no_program_runs_earlier_ones_are_not_denied() -> None:
     assert "no program runs; mcctl programs lists earlier ones" in shown()
+
+
+def test_the_mesh_that_counts_is_said_of_a_printer_that_probes_one() -> None:
+    assert "bed mesh: probed" in shown(bed_mesh="probed")
+    assert "bed mesh" not in shown()

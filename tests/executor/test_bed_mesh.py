@@ -482,3 +482,21 @@ def test_a_start_behind_a_line_where_another_mesh_counted_is_refused(
     state = state_before([*HEAD.split("\n")[:3], line, "G1 X9"], 5, made, held(begins))
     approach = plan_approach(made, state, held(now), [0, 1, 2])
     assert ("MC594" in [each.code for each in approach.needs]) is refused
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "file"),
+        ("G29\n", "probed"),
+        ("M420 S0\n", "off"),
+        ("G29\nM420 S0\n", "off"),
+        ("G29\nM420 S0\nM420 S1\n", "probed"),
+    ],
+)
+def test_status_says_which_mesh_counts(text: str, said: str) -> None:
+    made = printer()
+    reports = AxisReports(made.axes, cast("References", None), cast("EventLog", None))
+    for event in Bed(made, text).run().of(EventKind.MESHED) if text else []:
+        assert reports.handle(event, None)
+    assert reports.bed_mesh == said

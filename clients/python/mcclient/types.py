@@ -44,6 +44,14 @@ class AxisUnit(Word):
     DEG = "deg"
 
 
+class BedMeshState(Word):
+    """One of the words of the wire."""
+
+    OFF = "off"
+    FILE = "file"
+    PROBED = "probed"
+
+
 class ChannelKind(Word):
     """One of the words of the wire."""
 
@@ -1505,6 +1513,8 @@ class MachineStatus:
         work_offsets: systems that were set, in which the next program starts (G54 is in force then).
         disk: how slow the disk under the journal is; None: it keeps up.
         mounted: tools that have bodies and are known to be there.
+        bed_mesh: mesh in force where G29 probes one: none, that of the machine file, or the probed one;
+            None: G29 does not probe.
     """
 
     t: float
@@ -1523,6 +1533,7 @@ class MachineStatus:
     work_offsets: tuple[WorkOffset, ...] = ()
     disk: DiskStatus | None = None
     mounted: tuple[MountedTool, ...] = ()
+    bed_mesh: BedMeshState | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,9 @@ export type AxisState =
 export type AxisUnit =
   | "mm" | "deg";
 
+export type BedMeshState =
+  | "off" | "file" | "probed";
+
 export type ChannelKind =
   | "digital" | "analog";
 
@@ -893,6 +896,11 @@ export interface MachineStatus {
   disk?: DiskStatus | null;
   /** tools that have bodies and are known to be there. */
   mounted?: MountedTool[];
+  /**
+   * mesh in force where G29 probes one: none, that of the machine file, or the probed one; null: G29 does not
+   * probe.
+   */
+  bed_mesh?: BedMeshState | null;
 }
 
 /** A mesh that the URDF names: `name` as it stands there; `size` in bytes, 0: it is not to be had. */

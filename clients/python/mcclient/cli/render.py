@@ -8,7 +8,7 @@ import unicodedata
 from mcclient.types import Diagnostic
 
 TAB = 4  # columns that a tab is shown as
-WINDOW = 100  # columns of a line that are shown; longer lines are cut around the mark
+WINDOW = 100  # most columns shown of a line; longer lines are cut around the mark
 ELLIPSIS = "…"
 
 
@@ -16,8 +16,8 @@ def render(diagnostic: Diagnostic, text: str | None, path: str, title: str = "")
     """Render a diagnostic as lines, without colour.
 
     Args:
-        text: of its line; None: not known, no excerpt.
-        path: name of the program. title: of the diagnostic's code; the message then stands at the mark.
+        text: of its line; None: unknown, no excerpt.
+        path: name of the program. title: of the diagnostic's code; the message is then written at the mark.
     """
     head = f"{diagnostic.severity}[{diagnostic.code}]: {title or diagnostic.message}"
     lines = [head]
@@ -44,7 +44,7 @@ def render(diagnostic: Diagnostic, text: str | None, path: str, title: str = "")
 
 
 def excerpt(line: str, column: int, end_column: int) -> tuple[str, int, int]:
-    """Cut a line to what is shown: text, terminal columns before the mark, and the mark's width.
+    """Cut a line for display: text, terminal columns before the mark, and the mark's width.
 
     Tabs become blanks, control characters their pictures; wide characters count as two columns, combining
     ones as zero. A line longer than `WINDOW` is cut around the marked columns.

@@ -1,5 +1,5 @@
 # mcserver/gcode/repeated.py, by python -m mcserver.contract.sdk clients: change it there
-"""Diagnostics that have one cause are shown once, with the number of the other lines."""
+"""Show diagnostics with the same cause once, with the other lines' numbers."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from collections.abc import Sequence
 
 from mcclient.types import Diagnostic
 
-# a measure, or the number of a word, not that of a code: M73 and M107 are two causes, F0.2 and F0.25 one
+# a measure or a word's number, but not a code's: M73 and M107 are two causes, F0.2 and F0.25 one
 _MEASURE = re.compile(r"(?<![GMTNO_\[0-9.])(?<![a-z])[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)")
 SHOWN_LINES = 4
 
 
 def by_cause(diagnostics: Sequence[Diagnostic]) -> list[tuple[Diagnostic, list[int]]]:
-    """Return the first diagnostic of each cause with the further lines that have it, in order.
+    """Return the first diagnostic of each cause and the further lines that have it, in order.
 
-    One cause is one code whose messages differ in measures only, and one axis.
+    Diagnostics have one cause if their code and axis are the same and their messages differ in measures only.
     """
     causes: dict[tuple[str, str, int | None, str], tuple[Diagnostic, list[int]]] = {}
     for each in diagnostics:
@@ -28,7 +28,7 @@ def by_cause(diagnostics: Sequence[Diagnostic]) -> list[tuple[Diagnostic, list[i
 
 
 def further_lines(lines: Sequence[int]) -> str:
-    """Name the further lines of a cause; empty where there are none."""
+    """Name the further lines of a cause; empty without any."""
     if not lines:
         return ""
     shown = ", ".join(str(line) for line in lines[:SHOWN_LINES])

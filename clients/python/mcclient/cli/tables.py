@@ -79,6 +79,8 @@ def _headline(name: str, status: MachineStatus, online: bool) -> Text:
     line.append(f"  override {status.override:g} %  t {status.t:.1f} s")
     if status.late_cycles:
         line.append(f"  {status.late_cycles} late cycles", style="yellow")
+    if status.bed_mesh is not None:
+        line.append(f"  bed mesh: {status.bed_mesh}")
     if status.disk is not None:
         lasts_s, worst_s = status.wall - status.disk.since, status.disk.worst_s
         line.append(f"  slow disk for {lasts_s:.0f} s, up to {worst_s:.1f} s (MC524)", style="yellow")

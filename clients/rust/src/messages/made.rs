@@ -36,6 +36,10 @@ words!(AxisUnit {
     Mm = "mm", Deg = "deg",
 });
 
+words!(BedMeshState {
+    Off = "off", File = "file", Probed = "probed",
+});
+
 words!(ChannelKind {
     Digital = "digital", Analog = "analog",
 });
@@ -1197,6 +1201,10 @@ pub struct MachineStatus {
     /// tools that have bodies and are known to be there.
     #[serde(default)]
     pub mounted: Vec<MountedTool>,
+    /// mesh in force where G29 probes one: none, that of the machine file, or the probed one; none: G29 does
+    /// not probe.
+    #[serde(default)]
+    pub bed_mesh: Option<BedMeshState>,
 }
 
 fn machine_status_override() -> f64 {

@@ -57,6 +57,11 @@ public final class Messages {
     }
 
     /** A word of the wire. */
+    public enum BedMeshState implements Word {
+        OFF, FILE, PROBED, UNKNOWN
+    }
+
+    /** A word of the wire. */
     public enum ChannelKind implements Word {
         DIGITAL, ANALOG, UNKNOWN
     }
@@ -951,12 +956,15 @@ public final class Messages {
      * @param workOffsets systems that were set, in which the next program starts (G54 is in force then).
      * @param disk how slow the disk under the journal is; null: it keeps up.
      * @param mounted tools that have bodies and are known to be there.
+     * @param bedMesh mesh in force where G29 probes one: none, that of the machine file, or the probed one; null:
+     *     G29 does not probe.
      */
     public record MachineStatus(
             double t, double wall, String instance, MachineState state, AxesStatus axes, List<ProgramStatus> programs,
             List<Fault> faults, @Sparse("100") double override, @Sparse long lateCycles, @Sparse List<ToolPose> tools,
             @Sparse List<InputStatus> inputs, @Sparse List<OutputStatus> outputs, @Sparse ProbeStatus probe, @Sparse
-            List<WorkOffset> workOffsets, @Sparse DiskStatus disk, @Sparse List<MountedTool> mounted) {}
+            List<WorkOffset> workOffsets, @Sparse DiskStatus disk, @Sparse List<MountedTool> mounted, @Sparse
+            BedMeshState bedMesh) {}
 
     /** A mesh that the URDF names: `name` as it stands there; `size` in bytes, 0: it is not to be had. */
     public record MeshInfo(String name, long size) {}
