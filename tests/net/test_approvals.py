@@ -324,6 +324,7 @@ def test_every_field_of_the_start_counts_in_the_digest_and_in_what_has_changed()
     from mcserver.gcode.profiles.frame import Frame
     from mcserver.gcode.semantics.modal import ModalState
     from mcserver.gcode.switches import Switches
+    from mcserver.motion.canonical import MeshUse
     from mcserver.planning.start_state import changes_between
     from mcserver.service.approval_basis import ApprovalBasis
 
@@ -339,6 +340,7 @@ def test_every_field_of_the_start_counts_in_the_digest_and_in_what_has_changed()
         "inputs": (0.0, 0.0, 0.0),
         "outputs": (1.0,),
         "tool": 3,
+        "mesh": frozenset({MeshUse.ON, MeshUse.MET}),
     }
     # what others changed at pauses, and the machine file of then, is the past of a program that goes on: a
     # run that is asked for has none; switches are asked for with the run, and it starts with these

@@ -145,6 +145,7 @@ async def test_an_object_is_read_as_asked(client: WireClient, answering: Answeri
     assert reply == {
         "axis": 1,
         "bus": "can0",
+        "fieldbus": "can",
         "node": 3,
         "index": 0x6064,
         "subindex": 0,
