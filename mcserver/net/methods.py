@@ -61,7 +61,7 @@ def machine_methods(
         checker: of checks and simulations.
         drives: on buses. recorder: of recordings. None: there are none.
 
-        Returns:
+    Returns:
         Handlers by name of their method.
     """
     forecast = TextForecast(service, checker)

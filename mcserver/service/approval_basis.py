@@ -24,8 +24,8 @@ class ApprovalBasis:
     Args:
         machine: as its file was read at this start.
 
-        Attributes:
-        machine: as above. unchanging: digest of the machine file, version of the server.
+    Attributes:
+        machine: the machine. unchanging: digest of the machine file, version of the server.
     """
 
     def __init__(self, machine: Machine) -> None:

@@ -29,7 +29,7 @@ class DiskWatch:
         loop: in which it runs. clock: Unix time [s].
         events: get a warning MC524 when the disk becomes slow, and another when it has recovered.
 
-        Attributes:
+    Attributes:
         status: how slow the disk is; None: not slow.
     """
 
