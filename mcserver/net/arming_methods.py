@@ -57,7 +57,7 @@ class ArmingMethods:
         self._gone: set[str] = set()
         service.when_gone.append(self._client_gone)
 
-    def _forget_armings(self) -> None:
+    def _revoke_armings(self) -> None:
         """Revoke all armings after an emergency stop: an operator has to look at the machine again."""
         if self._stops != self._service.latch.stops:
             self._stops = self._service.latch.stops
@@ -124,7 +124,7 @@ class ArmingMethods:
         if certified is not None:
             self._refuse_uncertified(certified, seen, wanted)
         kept = self._arming.request(wanted)
-        self._forget_armings()
+        self._revoke_armings()
         if certified is not None:
             override = certified.approval.override
             kept = self._arming.arm(certified.signer, kept.sha256, seconds=WITHIN_S, override=override)
@@ -137,22 +137,22 @@ class ArmingMethods:
         return wire.RunRequestReply(True, found, self._status(kept))
 
     def run_requests(self, _client: str, _request: wire.RunRequestsRequest) -> wire.RunRequestsReply:
-        self._forget_armings()
+        self._revoke_armings()
         return wire.RunRequestsReply([self._status(each) for each in self._arming.requests()])
 
     def run_approvals(self, _client: str, _request: wire.RunApprovalsRequest) -> wire.RunRequestsReply:
-        self._forget_armings()
+        self._revoke_armings()
         return wire.RunRequestsReply([self._status(each, rests=False) for each in self._arming.approvals()])
 
     def run_preview(self, _client: str, request: wire.RunPreviewRequest) -> wire.RunPreviewReply:
-        self._forget_armings()
+        self._revoke_armings()
         found = self._arming.find(request.sha256)
         return wire.RunPreviewReply(
             self._status(found), found.text, found.path, found.certifiable, [*found.warnings], found.unshown
         )
 
     def arm(self, client: str, request: wire.ArmRequest) -> wire.RunRequestStatus:
-        self._forget_armings()
+        self._revoke_armings()
         armed = self._arming.arm(
             client,
             request.sha256,
@@ -185,7 +185,7 @@ class ArmingMethods:
 
     async def run_armed(self, client: str, request: wire.RunArmedRequest) -> wire.RunArmedReply:
         service = self._service
-        self._forget_armings()
+        self._revoke_armings()
         busy = {axis.index for axis in service.machine.axes if service.holder(axis.index) is not None}
         now = service.start_state()
         run = self._arming.start(client, request.text, busy, self._changes_now(now))
@@ -226,7 +226,7 @@ class ArmingMethods:
 
     async def servo_armed(self, client: str, request: ServoRequest) -> ServoReply:
         service = self._service
-        self._forget_armings()
+        self._revoke_armings()
         approval = self._arming.approved_targets(client, frozenset(request.axes or ()))
         program = await open_servo(
             service,

@@ -60,8 +60,11 @@ CLIENTS_RETURN_S = 5.0
 HEARING_LOOK_S = 0.5
 # Largest payload of a stop that is decoded in Zenoh's thread; a larger one stops without it [bytes].
 STOP_SIZE = 4096
-# A killed server's token remains until its link's lease ends (`mcserver.net.configuration.LEASE_MS`).
-TOKEN_LOOKS, TOKEN_PAUSE_S = 10, 0.5
+# Looks for another server's token: a killed server's remains until its link's lease ends
+# (`mcserver.net.configuration.LEASE_MS`).
+TOKEN_LOOKS = 10
+# Pause between these looks [s].
+TOKEN_PAUSE_S = 0.5
 NAME_REMEDY = "give one of them another name: they share the calls, and neither knows of the other's programs"
 
 
@@ -283,15 +286,15 @@ class MachineEndpoint:
             self._where.connect,
             lambda: self._session.link_sources(),
             listened,
-            lambda: self._speak_anew(service),
+            lambda: self._replace_session(service),
             accepts_connections,
         )
         async with asyncio.TaskGroup() as watches:
-            watches.create_task(self._watch_hearing(service))
+            watches.create_task(self._watch_sessions(service))
             if self._where.connect:
                 watches.create_task(links.run())
 
-    async def _watch_hearing(self, service: MachineService) -> None:
+    async def _watch_sessions(self, service: MachineService) -> None:
         """Replace sessions that Zenoh has made deaf; hold programs meanwhile, as nobody could stop them."""
         while True:
             await asyncio.sleep(HEARING_LOOK_S)
@@ -300,9 +303,9 @@ class MachineEndpoint:
                 continue
             held = [program.program for program in service.hold(None)]
             if main:
-                await self._speak_anew(service)
+                await self._replace_session(service)
             else:
-                await self._hear_stops_anew()
+                await self._replace_emergency_session()
             message = "a malformed message made a Zenoh session deaf; another one was opened in its place" + (
                 f", and held are {', '.join(held)}: see that all is well, and resume" if held else ""
             )
@@ -310,16 +313,16 @@ class MachineEndpoint:
             service.record_command("", "hold", detail=f"MC525: {message}")
             service.events.publish("warning", reason="MC525", message=message)
 
-    async def _hear_stops_anew(self) -> None:
+    async def _replace_emergency_session(self) -> None:
         assert self._emergency is not None
         await self._emergency.close()
         self._emergency = await self._opened_again(emergency_configuration)
         self._hear_stops(self._emergency)
 
-    async def _speak_anew(self, service: MachineService) -> None:
+    async def _replace_session(self, service: MachineService) -> None:
         """Replace the main session by one with another Zenoh id."""
         async with self._reopening:
-            await self._fall_silent()
+            await self._stop_publishing()
             self._clients.expect_again()
             if self._where.listen:
                 # only one session can have the port
@@ -336,7 +339,7 @@ class MachineEndpoint:
                         raise
                     # made deaf again at once
                     log.warning("nothing can be declared: %s", error)
-                    await self._fall_silent()
+                    await self._stop_publishing()
                     await self._session.close()
                     await asyncio.sleep(TOKEN_PAUSE_S)
             if not self._where.listen:
@@ -368,7 +371,7 @@ class MachineEndpoint:
         self._confirmations = session.publisher(self.keys.event, emergency_stop_qos())
         self._acks = {}
 
-    async def _fall_silent(self) -> None:
+    async def _stop_publishing(self) -> None:
         """Stop what publishes on its own."""
         if self._states is not None:
             self._states.cancel()
@@ -381,7 +384,7 @@ class MachineEndpoint:
         for task in filter(None, (self._watching, self._returning)):
             task.cancel()
             await asyncio.gather(task, return_exceptions=True)
-        await self._fall_silent()
+        await self._stop_publishing()
         for thread in (self._publishing, self._confirming):
             await asyncio.to_thread(thread.close)
         if self._rpc is not None:

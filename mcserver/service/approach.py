@@ -154,7 +154,7 @@ def plan_approach(machine: Machine, state: StateBefore, now: StartState, lease: 
     away_known = {each.axis for each in starts if each.away and each.there is not None}
     recovery = machine.recovery
     if recovery is not None and recovery.safe_axis is not None and recovery.safe_axis not in known:
-        # the machine's safe axis is not leased by this program
+        # the program has no known position of the machine's safe axis
         recovery = None
     moves = _moves(recovery, away_known, known)
     switched, switching = _switched(machine, state, now, leased)

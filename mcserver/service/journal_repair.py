@@ -40,7 +40,7 @@ class Damage(msgspec.Struct, frozen=True):
     """Damage to a journal.
 
     Attributes:
-        message: what is lost. kept: copy of the damaged file. lost: ids of removed programs.
+        message: what is lost. kept: path of the damaged file. lost: ids of removed programs.
     """
 
     message: str

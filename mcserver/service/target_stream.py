@@ -36,9 +36,10 @@ LEAST_SHARE = 0.5
 LONGEST_S = 60.0
 # Greatest coordinate and speed of a target for an axis without travel limits, or a tool [m or rad, per s].
 FARTHEST = 1e6
-# Share of the top speed at which axes move to a tool's target that they cannot reach in time; and lateness,
-# as a ratio of times, above which they are slowed.
-SLOWED_SHARE, LATE_SHARE = 0.8, 1.1
+# Share of the top speed at which axes move to a tool's target that they cannot reach in time.
+SLOWED_SHARE = 0.8
+# Ratio of the least to the given time above which a target counts as out of reach in time.
+LATE_SHARE = 1.1
 # Least share of the top speed to compute with, if an override stops the axes.
 LEAST_RATE = 1e-3
 

@@ -29,11 +29,14 @@ Array = NDArray[np.float64]
 REACH = 2.0
 # Least time between two solutions along a line to a pose, which take milliseconds [s].
 LINE_EVERY_S = 0.05
-# Shares of the axes' acceleration for changes of rates, and for stopping at the end of travel.
-CHANGE_SHARE, ENDING_SHARE = 0.5, 0.25
-# Ratios of joint speed to tool speed: above the first a singularity may be near (lengths over the reach), a
-# twist towards which comes to rest at the second.
-CLEAR_GAIN, LARGEST_GAIN = 5.0, 100.0
+# Share of the axes' acceleration for changes of rates.
+CHANGE_SHARE = 0.5
+# Share of the axes' acceleration for stopping at the end of travel.
+ENDING_SHARE = 0.25
+# Ratio of joint speed to tool speed above which a singularity may be near (lengths over the reach).
+CLEAR_GAIN = 5.0
+# Ratio at which a twist towards a singularity comes to rest.
+LARGEST_GAIN = 100.0
 
 
 class _Carried(NamedTuple):
