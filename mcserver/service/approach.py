@@ -100,7 +100,7 @@ class Approach(msgspec.Struct, frozen=True):
 
     Attributes:
         energize: axes to energize first. axes: all of the program. way: moves in order; empty if the axes are
-            there. switched: what the program had switched differently. needs: what has to be confirmed first.
+            there. switched: what the program had switched differently. needs: what has to be resolved first.
         lines: the way as text in machine coordinates. lines_with_outputs: with the switching as well. Both
             wait for inputs of ``[dialect.waits]``; ``lines`` only for those whose outputs are as the program
             had them.

@@ -320,8 +320,9 @@ class ProgramTable:
 
     @staticmethod
     def _role_of(program: Program) -> str:
-        """Return the role by which zones bind a program: an agent's for a run approved by a person, whoever
-        requested it; for a continued one any agent's.
+        """Return the role by which zones bind a program: an operator's, or for an approved run its agent's.
+
+        The agent of a continued run is unknown: any agent's.
         """
         if program.envelope is None:
             return OPERATOR

@@ -197,7 +197,7 @@ class Recovering:
         return msgspec.structs.replace(approach, needs=(*approach.needs, *self._changes(start)))
 
     def _changes(self, start: Start) -> list[Need]:
-        """Return what has to be confirmed because it has changed since the program ran."""
+        """Return what is in the way of a start because it has changed since the program ran."""
         origin, state = start.origin, start.state
         if origin is None or state is None:
             return []
