@@ -140,7 +140,7 @@ class Shaping(msgspec.Struct, frozen=True):
     def of(cls, axes: Sequence[Axis], cycle_s: float) -> Shaping | None:
         """Return the shaping of a machine's axes; None if drives get the setpoints unchanged.
 
-        That is if no axis has a shaper, superimposed motion, or pressure advance.
+        That is if no axis has a shaper, limits reserved for superimposed motion, or pressure advance.
         """
         tools = sorted({tool for axis in axes for tool in axis.tool_shapers})
         # the same delay for all tools, so that a change of weights at rest moves nothing
