@@ -18,7 +18,7 @@ class LostPlanes:
     def __init__(self) -> None:
         self._lost = False
 
-    def told(self, code: str, faults: tuple[Diagnostic, ...], *, tilted: bool) -> tuple[Diagnostic, ...]:
+    def unrelated(self, code: str, faults: tuple[Diagnostic, ...], *, tilted: bool) -> tuple[Diagnostic, ...]:
         """Return the faults of a line that do not follow from a plane refused before.
 
         Args:
@@ -28,7 +28,7 @@ class LostPlanes:
         if not (codes or self._lost):
             return faults
         tilts = "68" in codes
-        told = tuple(
+        unrelated = tuple(
             fault
             for fault in faults
             if not self._lost
@@ -41,4 +41,4 @@ class LostPlanes:
         elif codes and refused and tilted:
             # the tool is not turned to the plane
             self._lost = True
-        return told
+        return unrelated

@@ -153,8 +153,8 @@ def _check_line(interpreter: Interpreter, expansion: Expansion, parsed: ParsedLi
     expansion.interpreted(values)
     frame = interpreter.frame
     tilted = frame is not None and frame.plane is not None
-    faults = survey.planes.told(_COMMENTS.sub("", parsed.text).upper(), faults, tilted=tilted)
-    survey.faults(faults if parsed.origin is None else survey.unsaid(faults))
+    faults = survey.planes.unrelated(_COMMENTS.sub("", parsed.text).upper(), faults, tilted=tilted)
+    survey.faults(faults if parsed.origin is None else survey.unreported(faults))
     if parsed.profile is not None:
         survey.profile_words(parsed.profile, parsed.number)
     for value in values:
@@ -197,7 +197,7 @@ class _Survey:
         self._tool = 0
         self._first_tool: tuple[int, int] | None = None
 
-    def unsaid(self, faults: Iterable[Diagnostic]) -> list[Diagnostic]:
+    def unreported(self, faults: Iterable[Diagnostic]) -> list[Diagnostic]:
         """Return the faults of a computed line that are new: a loop runs it many times."""
         found = []
         for fault in faults:

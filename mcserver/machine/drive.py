@@ -44,8 +44,8 @@ class Drive(msgspec.Struct, frozen=True, tag_field="kind", tag="simulated"):
         friction_decel: [mm/s², deg/s²]. inertia: at the motor [kg·m²]. max_torque: 0: not limited [N·m].
         home_switch: range in which the home switch is active, index_at: a position of the encoder's index,
             which it has once per motor turn, hard_stops: ends of the mechanics; all by the encoder [mm, deg].
-        flexible_hz: natural frequency of the load on a spring at the motor, where the encoder is; 0: rigid.
-            flexible_damping: its damping ratio [1].
+        flexible_hz: natural frequency of the load on a spring at the motor; the encoder is at the load;
+            0: rigid. flexible_damping: its damping ratio [1].
         other_kinds_keys_are_idle: keys of other kinds are ignored, so that a machine can be tried without its
             drives by changing ``kind`` alone. agreed: fields without a key.
         has_inertia: its position is not simply its setpoint.

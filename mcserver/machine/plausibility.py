@@ -16,8 +16,9 @@ from mcserver.machine.machine_kinematics import build_kinematics
 
 # Ratio of a follower's limits to those that its leader needs of it, for it to synchronize within its cycle.
 GEAR_SPARE = 1.3
-# At this ratio of jerk limits the follower's error is this share of what it is else.
-GEAR_CALM, CALM_SHARE = 1.5, 0.2
+# Ratio of a follower's jerk limit to its leader's above which its error is `CALM_SHARE` of what it is else.
+GEAR_CALM = 1.5
+CALM_SHARE = 0.2
 
 
 def find_doubts(machine: Machine) -> list[Diagnostic]:

@@ -32,9 +32,11 @@ ACCELERATION_SLACK = 1.01
 # Longest shaper [cycles]: the history that the executor keeps of each axis.
 MAX_CYCLES = 1000
 
-# Periods of the two means of the smooth shaper: the shortest that leave `RESIDUAL` at ±10 % of the frequency
-# with any damping; and its number of impulses, enough to be smooth in cycles.
-SMOOTH_LONG, SMOOTH_SHORT, SMOOTH_PARTS = 1.03, 0.59, 1000
+# Lengths of the smooth shaper's two means [periods]: the shortest that leave `RESIDUAL` at ±10 % of the
+# frequency with any damping.
+SMOOTH_LONG, SMOOTH_SHORT = 1.03, 0.59
+# Impulses of the smooth shaper, enough to be smooth in cycles.
+SMOOTH_PARTS = 1000
 
 ShaperType = Literal["zv", "mzv", "ei", "2hei", "smooth"]
 
@@ -138,7 +140,7 @@ class Shaping(msgspec.Struct, frozen=True):
     def of(cls, axes: Sequence[Axis], cycle_s: float) -> Shaping | None:
         """Return the shaping of a machine's axes; None if drives get the setpoints unchanged.
 
-        That is if no axis has a shaper, superimposed motion, or pressure advance.
+        That is if no axis has a shaper, limits reserved for superimposed motion, or pressure advance.
         """
         tools = sorted({tool for axis in axes for tool in axis.tool_shapers})
         # the same delay for all tools, so that a change of weights at rest moves nothing

@@ -1,4 +1,4 @@
-"""Answers by (client, request): asked again, the same is answered again and nothing is done twice."""
+"""Remember answers by (client, request): a repeated request is answered again, but not executed again."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mcserver.errors import ServiceError
 REMEMBERED_ANSWERS = 1024
 REMEMBERED_S = 120.0
 REMEMBERED_BYTES = 2 * 1024 * 1024
-# clients whose answers are remembered at the same time
+# most clients whose answers are remembered
 REMEMBERED_CLIENTS = 1024
 
 
@@ -34,7 +34,7 @@ class _Entry(msgspec.Struct):
 
 
 class _Client:
-    """One client's requests: those under way, and the answers by age."""
+    """One client's requests in progress, and its answers by age."""
 
     def __init__(self) -> None:
         self.entries: dict[int, _Entry] = {}
@@ -48,15 +48,15 @@ class _Client:
 
 
 class AnswerMemory:
-    """Bounded for each client by count, bytes and age; what is still being worked on is never forgotten.
+    """Remembers answers, bounded per client in count, bytes and age; requests in progress are always kept.
 
-    No client's requests make another client's answers go: where too many clients are remembered, a further
-    one is refused until an old one's answers are past their age.
+    No client's requests displace another client's answers: if too many clients are remembered, another one is
+    refused until an old one's answers have expired.
 
     Args:
-        clock: seconds, never stepping.
-        limit, limit_bytes, age_s: bounds of what is remembered of one client.
-        clients: how many clients are remembered.
+        clock: monotonic [s].
+        limit, limit_bytes, age_s: bounds of one client's answers.
+        clients: most clients remembered.
     """
 
     def __init__(
@@ -73,14 +73,14 @@ class AnswerMemory:
         self._limit_bytes = limit_bytes
         self._age_s = age_s
         self._limit_clients = clients
-        # the client that was answered longest ago first
+        # ordered by last answer, oldest first
         self._clients: OrderedDict[str, _Client] = OrderedDict()
 
     def __len__(self) -> int:
         return sum(len(client.entries) for client in self._clients.values())
 
     def begin(self, client: str, request: int, method: str, on_answer: OnAnswer) -> bool:
-        """Whether the request is new and has to be carried out; ``on_answer`` is called at once or with
+        """Return whether the request is new and has to be executed; ``on_answer`` is called at once, or by
         `finish`.
 
         Raises:
@@ -88,7 +88,7 @@ class AnswerMemory:
         """
         known = self._client(client)
         if request in known.entries:
-            # not answered from a memory that has aged
+            # do not answer from expired memory
             self._forget_old(known)
         entry = known.entries.get(request)
         if entry is None:
@@ -107,7 +107,7 @@ class AnswerMemory:
         return False
 
     def finish(self, client: str, request: int, answer: Answer) -> None:
-        """Answer all that wait for this request, and keep the answer."""
+        """Answer everyone who waits for this request, and remember the answer."""
         known = self._clients.get(client)
         entry = known.entries.get(request) if known is not None else None
         if known is None or entry is None or entry.answer is not None:
@@ -138,7 +138,7 @@ class AnswerMemory:
         return known
 
     def _forget_clients(self) -> None:
-        """Forget the clients of whom nothing is remembered any more, the oldest first."""
+        """Remove clients without remembered answers, the oldest first."""
         for name in list(self._clients):
             known = self._clients[name]
             self._forget_old(known)

@@ -1,4 +1,4 @@
-"""Remote methods of runs that a person has to approve: ``request_run``, ``arm``, ``run_armed``, and more."""
+"""Remote methods for runs that a person has to approve: ``request_run``, ``arm``, ``run_armed``, and more."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ from mcserver.simulation.program_checker import ProgramChecker
 
 
 class ArmingMethods:
-    """Binds the messages to one machine's service."""
+    """Handles the messages for one machine's service."""
 
     def __init__(self, service: MachineService, checker: ProgramChecker) -> None:
         self._service = service
@@ -52,13 +52,13 @@ class ArmingMethods:
         self._arming = Arming(self._clock)
         self._basis = ApprovalBasis(service.machine)
         self._stops = service.latch.stops
-        # clients whose requests are being simulated, and those of them that went meanwhile
+        # clients whose requests are being simulated, and those of them that have disappeared
         self._asking: Counter[str] = Counter()
         self._gone: set[str] = set()
         service.when_gone.append(self._client_gone)
 
-    def _forget_armings(self) -> None:
-        """Take every arming back after an emergency stop: the operator looks at the machine again."""
+    def _revoke_armings(self) -> None:
+        """Revoke all armings after an emergency stop: an operator has to look at the machine again."""
         if self._stops != self._service.latch.stops:
             self._stops = self._service.latch.stops
             self._arming.disarm()
@@ -80,7 +80,7 @@ class ArmingMethods:
         self._refuse_unsettled(start, axes)
         certified = self._certified(client, request, axes)
         if certified is not None:
-            # what was certified is simulated, and is compared with how the machine stands now
+            # simulate from the certified state, and compare it with the machine's present one
             start = certified.approval.start
             if switches not in (None, start.switches):
                 raise Refused("MC579", "the certificate is of a run with other switches", RECERTIFY)
@@ -114,7 +114,7 @@ class ArmingMethods:
             tools=tools_of(seen.envelope),
             digest=self._basis.digest(request.text, axes, start),
             outputs=seen.outputs,
-            # a run with errors is not kept
+            # runs with errors are not stored
             warnings=tuple(found[:MOST_WARNINGS]),
             unshown=max(0, len(found) - MOST_WARNINGS),
             certifiable=msgspec.json.encode(
@@ -124,7 +124,7 @@ class ArmingMethods:
         if certified is not None:
             self._refuse_uncertified(certified, seen, wanted)
         kept = self._arming.request(wanted)
-        self._forget_armings()
+        self._revoke_armings()
         if certified is not None:
             override = certified.approval.override
             kept = self._arming.arm(certified.signer, kept.sha256, seconds=WITHIN_S, override=override)
@@ -137,22 +137,22 @@ class ArmingMethods:
         return wire.RunRequestReply(True, found, self._status(kept))
 
     def run_requests(self, _client: str, _request: wire.RunRequestsRequest) -> wire.RunRequestsReply:
-        self._forget_armings()
+        self._revoke_armings()
         return wire.RunRequestsReply([self._status(each) for each in self._arming.requests()])
 
     def run_approvals(self, _client: str, _request: wire.RunApprovalsRequest) -> wire.RunRequestsReply:
-        self._forget_armings()
+        self._revoke_armings()
         return wire.RunRequestsReply([self._status(each, rests=False) for each in self._arming.approvals()])
 
     def run_preview(self, _client: str, request: wire.RunPreviewRequest) -> wire.RunPreviewReply:
-        self._forget_armings()
+        self._revoke_armings()
         found = self._arming.find(request.sha256)
         return wire.RunPreviewReply(
             self._status(found), found.text, found.path, found.certifiable, [*found.warnings], found.unshown
         )
 
     def arm(self, client: str, request: wire.ArmRequest) -> wire.RunRequestStatus:
-        self._forget_armings()
+        self._revoke_armings()
         armed = self._arming.arm(
             client,
             request.sha256,
@@ -177,7 +177,7 @@ class ArmingMethods:
         return self.run_requests(client, wire.RunRequestsRequest())
 
     def _client_gone(self, client: str) -> None:
-        """End the requests of a client with its liveliness."""
+        """End the requests of a client whose liveliness token has disappeared."""
         if client in self._asking:
             self._gone.add(client)
         for each in self._arming.client_gone(client):
@@ -185,11 +185,11 @@ class ArmingMethods:
 
     async def run_armed(self, client: str, request: wire.RunArmedRequest) -> wire.RunArmedReply:
         service = self._service
-        self._forget_armings()
+        self._revoke_armings()
         busy = {axis.index for axis in service.machine.axes if service.holder(axis.index) is not None}
         now = service.start_state()
         run = self._arming.start(client, request.text, busy, self._changes_now(now))
-        # from here on the arming is used up, whatever happens; nothing is awaited until the program has begun
+        # the arming is used up from here on; there is no await before the program has begun
         envelope = self._basis.envelope(run, now)
         program = await service.open(
             client,
@@ -206,14 +206,14 @@ class ArmingMethods:
         lines = split_lines(run.text)
         try:
             if program.state == "queued":
-                # another program came first, and would move the axes away from where the simulation began
+                # an earlier program would move the axes away from the initial state of the simulation
                 raise Refused("MC572", "the axes are in use", "request the run again")
             if len(lines) > program.credit:
                 raise Refused(
                     "MC574", f"the text has more than {program.credit} lines", "an operator runs it"
                 )
             taken = service.lines.submit(client, program.program, 1, lines)
-            # at once: it takes no line behind those that were armed
+            # at once, so that the program takes no lines but the armed ones
             closed = service.lines.close(client, program.program, len(lines))
             await taken
             await closed
@@ -226,7 +226,7 @@ class ArmingMethods:
 
     async def servo_armed(self, client: str, request: ServoRequest) -> ServoReply:
         service = self._service
-        self._forget_armings()
+        self._revoke_armings()
         approval = self._arming.approved_targets(client, frozenset(request.axes or ()))
         program = await open_servo(
             service,
@@ -242,7 +242,7 @@ class ArmingMethods:
     def _certified(
         self, client: str, request: wire.RunRequestRequest, axes: tuple[int, ...]
     ) -> CertifiedRun | None:
-        """Return what the certificate of a request approves, so far as it is of this very run."""
+        """Return the approval in a request's certificate, after checking that it is for this run."""
         if request.certificate is None:
             return None
         options = self._service.options
@@ -254,17 +254,17 @@ class ArmingMethods:
         return certified
 
     def _refuse_uncertified(self, certified: CertifiedRun, seen: Preview, wanted: RunRequest) -> None:
-        """Refuse a run that this computer plans otherwise, or whose machine stands otherwise."""
+        """Refuse a certified run if this computer plans it differently, or the machine's state differs."""
         refuse_other_motion(certified.approval, seen)
         refuse_changed(self._changes_now()(wanted))
 
     def _changes_now(self, start: StartState | None = None) -> Changes:
-        """Return what names changes up to now; ``start``: the state of now, where it is known."""
+        """Return a function that names changes since a simulation; ``start``: present state, if known."""
         now, references = start or self._service.start_state(), self._service.references
         return lambda run: self._basis.changes(run, now, references)
 
     def _refuse_unsettled(self, start: StartState, axes: tuple[int, ...]) -> None:
-        """Refuse to simulate from a state that is about to be another one."""
+        """Refuse to simulate from a state that is changing."""
         channels = self._service.channels
         channels.refuse_interlocked(channels.holding(), "request the run again")
         moving = [axis_word(self._service.machine, axis) for axis in axes if axis in start.unsettled]
@@ -276,7 +276,7 @@ class ArmingMethods:
             )
 
     def _refuse_unbounded(self, seen: Preview) -> None:
-        """Refuse what has no extents: torques, and speeds of axes that do not turn endlessly."""
+        """Refuse motion without extents: torques, and speeds of axes with limited travel."""
         machine = self._service.machine
         assert seen.envelope is not None
         unbounded = set(seen.pushed)

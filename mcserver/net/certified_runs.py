@@ -1,4 +1,4 @@
-"""Approvals as signed files: what is certified of a simulated run, and what of a run is not as certified."""
+"""Approvals as signed files: what is certified of a simulated run, and how a run differs from it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SHOWN_DIGEST = 12
 def approval_of(
     basis: ApprovalBasis, text: str, axes: tuple[int, ...], start: StartState, seen: Preview
 ) -> Approval:
-    """Return what can be certified of a run that was simulated without a fault; it expires at once."""
+    """Return the approval to certify, for a run simulated without a fault; it expires at once."""
     assert seen.envelope is not None, "a run with faults is not approved"
     digest, version = basis.unchanging
     return Approval(
@@ -38,10 +38,10 @@ def approval_of(
 
 
 def refuse_other_run(basis: ApprovalBasis, approval: Approval, text: str, axes: tuple[int, ...]) -> None:
-    """Refuse what an approval is not of: another text, machine file, version, or other axes.
+    """Refuse a run other than the approved one: another text, machine file, version, or other axes.
 
     Raises:
-        Refused: MC579 it is another one.
+        Refused: MC579 it is another run.
     """
     digest, version = basis.unchanging
     same = {
@@ -58,10 +58,10 @@ def refuse_other_run(basis: ApprovalBasis, approval: Approval, text: str, axes: 
 
 
 def refuse_other_motion(approval: Approval, seen: Preview) -> None:
-    """Refuse a run that this computer plans otherwise than the one that it was certified on.
+    """Refuse a run that this computer plans differently from the certified one.
 
     Raises:
-        Refused: MC579 a setpoint differs, be it in its last bit.
+        Refused: MC579 a setpoint differs in any bit.
     """
     if seen.setpoints != approval.setpoints:
         raise Refused(

@@ -1,7 +1,7 @@
-"""Zenoh's configuration of the server: options, a configuration file, and what is left to the server.
+"""Configure the server's Zenoh sessions from options, a configuration file, and the server's settings.
 
-What a file says holds. An option that says something else is refused, and nothing is listened on that neither
-an option nor the file names, but for the loopback default where neither says anything.
+The file has precedence. An option that contradicts it is refused, and the server listens only where an option
+or the file says, or on the default at loopback if neither does.
 """
 
 from __future__ import annotations
@@ -20,44 +20,43 @@ from mcserver.net.qos import reply_qos
 DEFAULT_LISTEN = ("tcp/127.0.0.1:7447",)
 LEASE_MS = 2000
 
-# "… at /home/…/net/runtime.rs:123."
+# place in Zenoh's sources, such as "… at /home/…/net/runtime.rs:123."
 _SOURCE_PLACE = re.compile(r"\s*(?:\(?\bat\s+)?\S*/\S+\.rs:\d+(?::\d+)?\.?\)?")
 
-# What holds unless a file says otherwise. Each trades memory or a slow peer's patience for the others' time.
+# Settings unless the file has them. Each trades memory, or patience with a slow peer, for others' latency.
 SETTINGS: dict[str, object] = {
-    # a router that is not there yet must not keep the machine from starting, nor stop it later
+    # a missing router must not keep the machine from starting, nor stop it later
     "connect/timeout_ms": 0,
     "connect/exit_on_failure": False,
     "connect/retry": {"period_init_ms": 200, "period_max_ms": 2000, "period_increase_factor": 1.5},
-    # by multicast a machine would join networks by accident
+    # with multicast a machine would join networks by accident
     "scouting/multicast/enabled": False,
     "transport/shared_memory/enabled": False,
     "transport/link/tx/lease": LEASE_MS,
-    # a full queue costs this long at most for what may be dropped …
+    # longest wait at a full queue for messages that may be dropped
     "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 100,
-    # only replies are larger than a batch of 64 KiB; they wait in threads of their own
+    # only replies exceed a batch of 64 KiB; they wait in their own threads
     "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 500_000,
-    # … and a client that takes no answer for this long loses its link
+    # a client that accepts no answer for this long loses its link
     "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,
     "qos/network": reply_qos(),
-    # replies wait in queues of their own, large ones apart from those to orders; these do not wait for room
+    # replies have their own queues, large ones apart from answers to commands; these do not wait for room
     "transport/link/tx/queue/size/interactive_high": 16,
     "transport/link/tx/queue/size/interactive_low": 16,
-    # connections that say nothing: with Zenoh's 100 for 10 s, a hundred of them keep everybody else out
+    # silent connections: with Zenoh's default of 100 for 10 s, a hundred of them keep everybody else out
     "transport/unicast/accept_pending": 2000,
     "transport/unicast/accept_timeout": 2000,
 }
 
 
 class NetworkOptions(msgspec.Struct, frozen=True):
-    """How the server is reached.
+    """Endpoints of the server.
 
     Attributes:
-        listen: endpoints to listen on, a port 0 takes a free one; None: those of the file, else the default
-            on the loopback where the file connects to nothing either.
-        connect: routers or peers to connect to, again and again until they are there; empty: those of the
-            file.
-        emergency_listen: endpoints that the emergency stop's own session listens on.
+        listen: endpoints to listen on, port 0 for a free one; None: those of the file, or if the file does
+            not connect either, the default at loopback.
+        connect: routers or peers to connect to, retried until they are there; empty: those of the file.
+        emergency_listen: endpoints of the emergency stop's own session.
         config_file: a Zenoh configuration (JSON5), for TLS and access rules.
     """
 
@@ -68,7 +67,7 @@ class NetworkOptions(msgspec.Struct, frozen=True):
 
 
 class Reach(msgspec.Struct, frozen=True):
-    """Where a server listens and what it connects to, as options and file have it together."""
+    """Where a server listens and connects, from options and file together."""
 
     mode: str
     listen: tuple[str, ...]
@@ -76,10 +75,10 @@ class Reach(msgspec.Struct, frozen=True):
 
 
 def reach(options: NetworkOptions) -> Reach:
-    """Join options and file.
+    """Combine options and file.
 
     Raises:
-        ConfigurationError: MC521 they contradict each other, or the file is no Zenoh configuration.
+        ConfigurationError: MC521 they contradict each other, or the file is not a Zenoh configuration.
     """
     written = _Written(options.config_file)
     mode = written.mode or "peer"
@@ -100,7 +99,7 @@ def reach(options: NetworkOptions) -> Reach:
 
 
 def main_configuration(options: NetworkOptions, where: Reach) -> zenoh.Config:
-    """Of the session that speaks for the machine; its Zenoh id is random.
+    """Return the configuration of the machine's session; its Zenoh id is random.
 
     Raises:
         ConfigurationError: MC521.
@@ -115,10 +114,10 @@ def main_configuration(options: NetworkOptions, where: Reach) -> zenoh.Config:
 
 
 def emergency_configuration(options: NetworkOptions, where: Reach) -> zenoh.Config | None:
-    """Of a session for emergency stops alone; None where nothing is connected to."""
+    """Return the configuration of a session for emergency stops only; None if nothing is connected to."""
     if not (where.connect or options.emergency_listen):
         return None
-    # a link of its own, so that no full queue of other messages is before a stop
+    # a separate link, so that a stop never waits in a full queue
     mode = "peer" if where.mode == "router" else where.mode
     return _configuration(_Written(options.config_file), mode, options.emergency_listen, where.connect)
 
@@ -131,11 +130,11 @@ def _configuration(
         "mode": mode,
         "listen/endpoints": list(listen),
         "connect/endpoints": list(connect),
-        # events are numbered and recovered by time stamps, and clients know by them who speaks
+        # events are numbered and recovered by time stamps, which also tell clients who sends
         "timestamping/enabled": True,
     }
     if any(has_free_port(endpoint) for endpoint in listen):
-        # the only way to learn which port was taken
+        # the only way to find out which free port was taken
         settings["adminspace/enabled"] = True
     try:
         config = written.config()
@@ -151,17 +150,17 @@ def _configuration(
 
 
 def plain(error: Exception) -> str:
-    """Return what an error of Zenoh says, without places in Zenoh's own sources."""
+    """Return the message of a Zenoh error, without places in Zenoh's sources."""
     return _SOURCE_PLACE.sub("", str(error)).strip().rstrip(".")
 
 
 def has_free_port(endpoint: str) -> bool:
-    """Return whether the endpoint asks for any free port."""
+    """Return whether the endpoint requests a free port."""
     return endpoint.rpartition(":")[2].partition("#")[0].partition("?")[0] == "0"
 
 
 class _Written:
-    """What a configuration file says; Zenoh's own defaults count as nothing said."""
+    """Settings of a configuration file, without Zenoh's own defaults."""
 
     def __init__(self, path: Path | None) -> None:
         self._path = path
@@ -169,10 +168,10 @@ class _Written:
         self._file = self.config()
 
     def config(self) -> zenoh.Config:
-        """Return a configuration with what the file says.
+        """Return a configuration with the file's settings.
 
         Raises:
-            ConfigurationError: MC521 it is no Zenoh configuration.
+            ConfigurationError: MC521 it is not a Zenoh configuration.
         """
         if self._path is None:
             return zenoh.Config()
@@ -193,7 +192,7 @@ class _Written:
         return json.loads(self._file.get_json("mode")) if self.says("mode") else None
 
     def endpoints(self, which: str, mode: str) -> tuple[str, ...] | None:
-        """Of ``listen`` or ``connect`` in this mode; None: nothing said."""
+        """Return the ``listen`` or ``connect`` endpoints for this mode; None if the file has none."""
         key = f"{which}/endpoints"
         if not self.says(key):
             return None

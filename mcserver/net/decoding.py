@@ -1,4 +1,4 @@
-"""Bytes from the network to typed messages: the one place where a message may be anything."""
+"""Decode bytes from the network to typed messages: the one place where input is arbitrary."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import msgspec
 
 from mcserver.errors import ServiceError
 
-# where in a message, as msgspec says it: `$.lines[...]`
+# place in a message in msgspec's errors: `$.lines[...]`
 _PLACE = re.compile(r" - at `\$\.?(.*?)`")
-# what it says of a value of the right type that is beyond a bound
+# msgspec's errors about a value of the right type that is out of bounds
 _BEYOND = re.compile(r"Expected `\w+` (?:of length )?[<>]=? |matching regex|Invalid enum value")
 
-# of fields whose text has a pattern
+# descriptions of fields with a pattern
 _IN_WORDS = {
     "sha256": "the hexadecimal SHA-256 of the text; of a run that waits at least its first 8 (mcctl arm)",
     "program": "the id of a program: mcctl programs lists them",
@@ -29,7 +29,7 @@ class MessageDecoder(Generic[T]):
     """Decodes MessagePack payloads of one type.
 
     Args:
-        kind: the message's type; its name is that of its schema in docs/schemas.
+        kind: type of the message, with the name of its schema in docs/schemas.
     """
 
     def __init__(self, kind: type[T]) -> None:
@@ -41,11 +41,11 @@ class MessageDecoder(Generic[T]):
         """Decode a message.
 
         Raises:
-            ServiceError: MC500 or MC511, and nothing else, whatever the bytes are.
+            ServiceError: MC500 or MC511, and nothing else, for any bytes.
         """
         try:
             message = self._decode(payload)
-        # not only msgspec's errors: invalid UTF-8 is a UnicodeDecodeError, deep nesting a RecursionError
+        # msgspec raises others, too: UnicodeDecodeError for invalid UTF-8, RecursionError for deep nesting
         except Exception as error:
             raise ServiceError(*refusal_of(self._kind, str(error))) from error
         if self._numbers:
@@ -56,13 +56,13 @@ class MessageDecoder(Generic[T]):
 
 
 def refusal_of(kind: type[msgspec.Struct], why: str) -> tuple[str, str, str]:
-    """Return code, message and remedy of a payload that msgspec has refused.
+    """Return code, message and remedy for a payload that msgspec has refused.
 
     Args:
-        kind: the message that it was to be. why: msgspec's words.
+        kind: expected message. why: msgspec's error text.
 
     Returns:
-        MC511 for a value beyond the bounds of its field, MC500 for what is no such message.
+        MC511 for a value out of its field's bounds, else MC500.
     """
     place = _PLACE.search(why)
     what = _PLACE.sub(lambda found: f" in {found[1]}" if found[1] else "", why)
@@ -80,7 +80,7 @@ def refusal_of(kind: type[msgspec.Struct], why: str) -> tuple[str, str, str]:
 
 
 def _wanted(kind: type[msgspec.Struct], name: str) -> str:
-    """Return in words what a field may be, all of its values or those of its name; empty: neither."""
+    """Describe a field's allowed values, if it is an enumeration or in `_IN_WORDS`; else empty."""
     described = msgspec.inspect.type_info(kind)
     assert isinstance(described, msgspec.inspect.StructType)
     types = [field.type for field in described.fields if field.encode_name == name]
@@ -96,7 +96,7 @@ def _wanted(kind: type[msgspec.Struct], name: str) -> str:
 
 
 def _fields_with_floats(kind: type[msgspec.Struct]) -> tuple[str, ...]:
-    """Return the names of fields whose value, or whose mapping's values, may be floating-point numbers."""
+    """Return the names of fields that are, or whose mappings have, floating-point numbers."""
     described = msgspec.inspect.type_info(kind)
     assert isinstance(described, msgspec.inspect.StructType)
     return tuple(field.name for field in described.fields if _may_be_float(field.type))
@@ -116,7 +116,7 @@ def _may_be_float(described: msgspec.inspect.Type) -> bool:
 
 
 def _not_finite(message: msgspec.Struct, names: Iterable[str]) -> str:
-    """Return the first field with NaN or an infinity, which pass every comparison with a bound; or ""."""
+    """Return the first field with NaN or infinity, which bounds do not exclude; or ""."""
     for name in names:
         value = getattr(message, name)
         values = value.values() if isinstance(value, Mapping) else (value,)

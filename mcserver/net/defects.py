@@ -1,4 +1,4 @@
-"""What went wrong with messages: each counted, few of them logged."""
+"""Count errors with messages, and log a few of them."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ LOG_PERIOD_S = 5.0
 
 
 class DefectLog:
-    """Counts errors of one kind and logs at most one in `LOG_PERIOD_S`, with the number left out since.
+    """Counts errors of one kind, and logs at most one per `LOG_PERIOD_S`, with the count omitted since.
 
     Args:
-        log: where they are reported.
-        clock: seconds, never stepping.
+        log: to write to.
+        clock: monotonic [s].
 
     Attributes:
-        count: all of them so far.
+        count: of all errors so far.
     """
 
     def __init__(self, log: logging.Logger, clock: Callable[[], float] = time.monotonic) -> None:
@@ -28,7 +28,7 @@ class DefectLog:
         self._logged_count = 0
 
     def add(self, message: str, error: BaseException | None = None) -> bool:
-        """Count one; say whether it was logged. With ``error`` its traceback is logged too."""
+        """Count an error; return whether it was logged. With ``error`` its traceback is logged too."""
         self.count += 1
         now = self._clock()
         if now - self._logged_at < LOG_PERIOD_S:

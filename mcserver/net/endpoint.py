@@ -1,4 +1,4 @@
-"""A machine on the network: its session, its keys, and what flows over them."""
+"""A machine on the network: its sessions, keys and traffic."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ from mcserver.service.servo import put_targets
 from mcserver.simulation.program_checker import ProgramChecker
 
 if TYPE_CHECKING:
-    # it needs the packages of CANopen
+    # needs the packages of CANopen
     from mcserver.canopen.access import OperatorAccess
 
 log = logging.getLogger(__name__)
@@ -54,22 +54,25 @@ QUERIES = 2048
 STREAMED_MESSAGES = 8192
 TOKENS = 4096
 CONFIRMATIONS = 64
-# after a new session was opened, for clients on the listening port to be back with their tokens
+# time for clients on the listening port to return with their tokens, after a new session was opened [s]
 CLIENTS_RETURN_S = 5.0
-# between two looks whether the sessions still hear
+# interval of checks that the sessions still receive
 HEARING_LOOK_S = 0.5
-# A longer stop is not read, in Zenoh's thread: it stops [bytes].
+# Largest payload of a stop that is decoded in Zenoh's thread; a larger one stops without it [bytes].
 STOP_SIZE = 4096
-# A killed server's token stays as long as its link's lease (`mcserver.net.configuration.LEASE_MS`).
-TOKEN_LOOKS, TOKEN_PAUSE_S = 10, 0.5
+# Looks for another server's token: a killed server's remains until its link's lease ends
+# (`mcserver.net.configuration.LEASE_MS`).
+TOKEN_LOOKS = 10
+# Pause between these looks [s].
+TOKEN_PAUSE_S = 0.5
 NAME_REMEDY = "give one of them another name: they share the calls, and neither knows of the other's programs"
 
 
 class Stop(NamedTuple):
-    """An emergency stop that was put.
+    """A received emergency stop.
 
     Attributes:
-        copy: of one that came a moment ago.
+        copy: whether it is a copy of a recent one.
     """
 
     request: EstopRequest
@@ -77,38 +80,38 @@ class Stop(NamedTuple):
 
 
 class ClientTokens:
-    """Clients that are alive, over changes of the session that hears of them."""
+    """Tokens of living clients, tracked across changes of the session."""
 
     def __init__(self) -> None:
         self._alive: set[str] = set()
         self._expected: set[str] = set()
 
     def hear(self, client: str, *, gone: bool) -> None:
-        """Note that a token has come or gone."""
+        """Note that a token has appeared or disappeared."""
         if gone:
             self._alive.discard(client)
         else:
             self._alive.add(client)
 
     def expect_again(self) -> None:
-        """Expect all to come again: another session hears of those that are there."""
+        """Expect all tokens again from another session."""
         self._expected |= self._alive
         self._alive = set()
 
     def missing(self) -> set[str]:
-        """Return the clients whose tokens have not come again."""
+        """Return the clients whose tokens have not reappeared."""
         missing, self._expected = self._expected - self._alive, set()
         return missing
 
 
 class MachineEndpoint:
-    """Connects one `MachineService` with Zenoh. All of it runs in the loop, but what Zenoh's threads call.
+    """Connects one `MachineService` to Zenoh. Runs in the loop, except callbacks in Zenoh's threads.
 
     Args:
         keys: of this machine.
-        options, where: what is listened on and connected to, as it was asked for and as it is.
+        options, where: endpoints as requested, and as combined with the file.
         session: for everything but emergency stops from routers.
-        emergency: a session for those alone, or None where nothing is connected to.
+        emergency: session for those; None if nothing is connected to.
     """
 
     def __init__(
@@ -137,7 +140,7 @@ class MachineEndpoint:
         self._rpc: RpcServer | None = None
         self._replies = ReplySender()
         self._publishing = PublishingThread("publishing")
-        # apart from all else, so that the confirmation of a stop waits for nothing
+        # a separate thread, so that the confirmation of a stop waits for nothing
         self._confirming = PublishingThread("confirming", CONFIRMATIONS)
         self._cycles: CycleTelemetry | None = None
         self._states: asyncio.Task[None] | None = None
@@ -150,7 +153,7 @@ class MachineEndpoint:
 
     @classmethod
     async def open(cls, machine: str, options: NetworkOptions) -> MachineEndpoint:
-        """Open the sessions; nothing is answered before `serve`.
+        """Open the sessions; requests are not answered before `serve`.
 
         Raises:
             ServiceError: MC521, MC522.
@@ -173,7 +176,7 @@ class MachineEndpoint:
         return endpoint
 
     async def _refuse_a_second_server(self) -> None:
-        """See that no other server has this name; one that was killed is known until its lease ends.
+        """Refuse if another server has this name; a killed one is known until its lease ends.
 
         Raises:
             ServiceError: MC528.
@@ -186,7 +189,7 @@ class MachineEndpoint:
         raise ServiceError("MC528", _second_server(self.keys, others[0]), NAME_REMEDY)
 
     async def endpoints(self) -> list[str]:
-        """Return what it listens on, with the ports taken; where it only connects, that in words."""
+        """Return the endpoints that it listens on, with actual ports; a description if it only connects."""
         if any(has_free_port(endpoint) for endpoint in self._where.listen):
             return await self._session.endpoints()
         return list(self._where.listen) or [f"nothing, connecting to {', '.join(self._where.connect)}"]
@@ -194,7 +197,7 @@ class MachineEndpoint:
     # ------------------------------------------------------------ out
 
     def publish_ack(self, ack: Ack) -> None:
-        """On the program's own key; its publisher lives as long as the program."""
+        """Publish on the program's own key, with a publisher that lasts as long as the program."""
         try:
             publisher = self._acks.get(ack.program)
             if publisher is None:
@@ -213,7 +216,7 @@ class MachineEndpoint:
     def publish_event(self, event: Event) -> None:
         payload = self._encode(event)
         if event.kind == "estop":
-            # the confirmation of a stop must not be dropped: once more, waiting until there is room
+            # a stop's confirmation must not be dropped: send it also with blocking
             self._confirming.put(self._confirmations.put, payload)
         self._publishing.put(self._events.put, payload)
 
@@ -227,7 +230,7 @@ class MachineEndpoint:
         drives: OperatorAccess | None = None,
         recorder: RecorderClient | None = None,
     ) -> None:
-        """Declare what clients may use, the liveliness token last."""
+        """Declare everything for clients, the liveliness token last."""
         keys, loop = self.keys, self._loop
         self._rpc = RpcServer(
             keys,
@@ -245,7 +248,7 @@ class MachineEndpoint:
         copies = StopCopies(time.monotonic)
 
         def stop(sample: zenoh.Sample) -> None:
-            # in Zenoh's thread: the executor knows before the loop comes round
+            # in Zenoh's thread: the executor gets the stop before the loop's next turn
             if keys.is_stop(str(sample.key_expr)):
                 request = self._stop_request(sample.payload.to_bytes())
                 copy = copies.is_copy(request.request)
@@ -275,7 +278,7 @@ class MachineEndpoint:
         self._watching = asyncio.ensure_future(self._watch(service))
 
     async def _watch(self, service: MachineService) -> None:
-        # links from the ports that it listens on are others', and another session has them again
+        # links on its listening ports were opened by others, who open them again with another session
         listened = await self.endpoints() if self._where.listen else []
         if listened:
             self._where = msgspec.structs.replace(self._where, listen=tuple(listened))
@@ -283,16 +286,16 @@ class MachineEndpoint:
             self._where.connect,
             lambda: self._session.link_sources(),
             listened,
-            lambda: self._speak_anew(service),
+            lambda: self._replace_session(service),
             accepts_connections,
         )
         async with asyncio.TaskGroup() as watches:
-            watches.create_task(self._watch_hearing(service))
+            watches.create_task(self._watch_sessions(service))
             if self._where.connect:
                 watches.create_task(links.run())
 
-    async def _watch_hearing(self, service: MachineService) -> None:
-        """Open a session that Zenoh has made deaf anew; programs are held, since nobody could stop them."""
+    async def _watch_sessions(self, service: MachineService) -> None:
+        """Replace sessions that Zenoh has made deaf; hold programs meanwhile, as nobody could stop them."""
         while True:
             await asyncio.sleep(HEARING_LOOK_S)
             main = await self._session.is_deaf()
@@ -300,9 +303,9 @@ class MachineEndpoint:
                 continue
             held = [program.program for program in service.hold(None)]
             if main:
-                await self._speak_anew(service)
+                await self._replace_session(service)
             else:
-                await self._hear_stops_anew()
+                await self._replace_emergency_session()
             message = "a malformed message made a Zenoh session deaf; another one was opened in its place" + (
                 f", and held are {', '.join(held)}: see that all is well, and resume" if held else ""
             )
@@ -310,19 +313,19 @@ class MachineEndpoint:
             service.record_command("", "hold", detail=f"MC525: {message}")
             service.events.publish("warning", reason="MC525", message=message)
 
-    async def _hear_stops_anew(self) -> None:
+    async def _replace_emergency_session(self) -> None:
         assert self._emergency is not None
         await self._emergency.close()
         self._emergency = await self._opened_again(emergency_configuration)
         self._hear_stops(self._emergency)
 
-    async def _speak_anew(self, service: MachineService) -> None:
-        """Give the session up for one with another Zenoh id."""
+    async def _replace_session(self, service: MachineService) -> None:
+        """Replace the main session by one with another Zenoh id."""
         async with self._reopening:
-            await self._fall_silent()
+            await self._stop_publishing()
             self._clients.expect_again()
             if self._where.listen:
-                # only one session has the port
+                # only one session can have the port
                 await self._session.close()
             former = self._session
             while True:
@@ -334,9 +337,9 @@ class MachineEndpoint:
                 except BaseException as error:
                     if not is_zenoh_fault(error):
                         raise
-                    # made deaf at once
+                    # made deaf again at once
                     log.warning("nothing can be declared: %s", error)
-                    await self._fall_silent()
+                    await self._stop_publishing()
                     await self._session.close()
                     await asyncio.sleep(TOKEN_PAUSE_S)
             if not self._where.listen:
@@ -359,7 +362,7 @@ class MachineEndpoint:
                 assert config is not None
                 return await ZenohSession.open(config)
             except ServiceError as error:
-                # the system may keep the port for a moment
+                # the system may keep the port in use for a moment
                 log.error("%s: %s", error.code, error.message)
                 await asyncio.sleep(TOKEN_PAUSE_S)
 
@@ -368,8 +371,8 @@ class MachineEndpoint:
         self._confirmations = session.publisher(self.keys.event, emergency_stop_qos())
         self._acks = {}
 
-    async def _fall_silent(self) -> None:
-        """End what publishes by itself."""
+    async def _stop_publishing(self) -> None:
+        """Stop what publishes on its own."""
         if self._states is not None:
             self._states.cancel()
             await asyncio.gather(self._states, return_exceptions=True)
@@ -377,11 +380,11 @@ class MachineEndpoint:
             await asyncio.to_thread(self._cycles.close)
 
     async def close(self) -> None:
-        """End everything, within a limit."""
+        """End everything, within a time limit."""
         for task in filter(None, (self._watching, self._returning)):
             task.cancel()
             await asyncio.gather(task, return_exceptions=True)
-        await self._fall_silent()
+        await self._stop_publishing()
         for thread in (self._publishing, self._confirming):
             await asyncio.to_thread(thread.close)
         if self._rpc is not None:
@@ -417,11 +420,11 @@ class MachineEndpoint:
         service.lines.stream(program, message.first, message.lines, message.rejections)
 
     def _on_stray(self, service: MachineService, sample: zenoh.Sample) -> None:
-        """Drop a put by a wildcard, such as ``mc/@v1/**``: it reaches every key, and so none is meant."""
+        """Drop a put on a wildcard, such as ``mc/@v1/**``: it matches every key, so none is meant."""
         self._warn(service, "MC502", f"a put on {sample.key_expr} was ignored: it names no one key")
 
     def _warn(self, service: MachineService, code: str, message: str) -> None:
-        # an event for each would let a flood of them push every other event out of the memory
+        # log-limited, since an event each would let a flood push all other events out of the event log
         if self._refused.add(message):
             service.events.publish("warning", reason=code, message=message)
 
@@ -442,7 +445,7 @@ class MachineEndpoint:
             service.events.publish("warning", reason="MC528", message=message)
 
     def _stop_request(self, payload: bytes) -> EstopRequest:
-        """Return what a stop says of itself: whatever is put there stops the machine."""
+        """Decode a stop; whatever the payload is, it stops the machine."""
         if 0 < len(payload) <= STOP_SIZE:
             try:
                 return self._decode_stop(payload)

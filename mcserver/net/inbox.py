@@ -1,8 +1,7 @@
-"""From Zenoh's threads to the asyncio loop.
+"""Pass items from Zenoh's threads to the asyncio loop.
 
-A callback runs in one of Zenoh's network threads, which all traffic of that link waits for. So it does
-nothing but append to a bounded deque, and it wakes the loop once for whatever gathers until the loop comes
-round.
+A callback runs in one of Zenoh's network threads, for which all traffic of that link waits. So it only
+appends to a bounded deque, and wakes the loop once for everything until the loop's next turn.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
-# of one turn of the loop: the rest waits until the loop has been round
+# longest delivery in one turn of the loop; the rest waits for the next turn
 BUDGET_S = 0.005
 
 
@@ -28,11 +27,11 @@ class Inbox(Generic[T]):
     """A bounded queue into the loop.
 
     Args:
-        loop: where ``deliver`` runs.
-        deliver: called in the loop with each item, in order. What it raises is counted in ``failed`` and
-            logged; it costs that item alone.
-        limit: items beyond it go to ``refuse`` instead, in the thread that brought them.
-        refuse: for what does not fit; counted in ``refused``.
+        loop: in which ``deliver`` runs.
+        deliver: called in the loop with each item, in order. Its errors are counted in ``failed`` and logged,
+            and affect only that item.
+        limit: further items go to ``refuse`` instead, in the thread that pushes them.
+        refuse: called with items beyond the limit; counted in ``refused``.
     """
 
     def __init__(
@@ -53,14 +52,14 @@ class Inbox(Generic[T]):
         self._woken = False
 
     def push(self, item: T) -> None:
-        """Appends; from any thread."""
+        """Append an item; from any thread."""
         if len(self._items) >= self._limit:
             self.refused += 1
             if self._refuse is not None:
                 self._refuse(item)
             return
         self._items.append(item)
-        # set by us, cleared by the loop before it pops: an item is either seen by that pass or wakes another
+        # set here, cleared by the loop before it pops: an item is either seen by that pass or wakes another
         if not self._woken:
             self._woken = True
             self._wake()
@@ -84,7 +83,7 @@ class Inbox(Generic[T]):
                 self.failed.add(f"a message could not be handled: {error}", error)
             if time.monotonic() >= until:
                 break
-        # a burst does not keep the loop from its other work
+        # let the loop do other work between parts of a burst
         if items and not self._woken:
             self._woken = True
             self._loop.call_soon(self._drain)

@@ -1,7 +1,7 @@
 """Keys of one machine in the Zenoh key space (docs/keyspace.md).
 
-``@v1`` and ``@rpc`` are verbatim chunks: ``*`` and ``**`` never match them, so that a wide subscription or a
-wide query does not reach a machine by accident. What a client sends has its id in the key, so that the
+``@v1`` and ``@rpc`` are verbatim chunks, which ``*`` and ``**`` never match, so that a wide subscription or
+query does not reach a machine by accident. Keys of clients' messages include the client's id, so that the
 network's access rules can bind the id to a certificate or a user.
 """
 
@@ -19,28 +19,26 @@ _EMERGENCY_STOP = "estop"
 
 
 def is_name(text: str) -> bool:
-    """Return whether ``text`` may stand as one chunk of a key: a machine, a program, a client or an
-    instance.
-    """
+    """Return whether ``text`` may be one chunk of a key: a machine, a program, a client or an instance."""
     return _NAME.fullmatch(text) is not None
 
 
 def everything() -> str:
-    """Key expression of all that machines and their clients say, but calls."""
+    """Return the key expression of everything from machines and their clients, except calls."""
     return f"{_ROOT}/**"
 
 
 def instance_of(token: str) -> str:
-    """Return the start of a server in the key of its liveliness token."""
+    """Return the instance in the key of a server's liveliness token."""
     return token.rpartition("/")[2].partition(".")[0]
 
 
 class Call(msgspec.Struct, frozen=True):
-    """What a query's key asks for.
+    """Call requested by a query's key.
 
     Attributes:
-        client: who calls. method: what.
-        exact: the machine is named; False: a wildcard stands for it.
+        client: the caller. method: its method.
+        exact: the key names the machine; False: it has a wildcard there.
     """
 
     client: str
@@ -70,11 +68,11 @@ class Keys(msgspec.Struct, frozen=True):
         return f"{self.root}/info"
 
     def rpc(self, client: str, method: str) -> str:
-        """Key on which a client calls one method; ``*`` for all clients, or all methods."""
+        """Return the key for calls of a method by a client; ``*`` for all clients, or all methods."""
         return f"{self.root}/{_RPC}/{client}/{method}"
 
     def lines_in(self, client: str, program: str) -> str:
-        """Key that a client puts lines of its program on; ``*`` for every client, or program."""
+        """Return the key for lines of a client's program; ``*`` for every client, or program."""
         return f"{self.root}/in/{client}/{program}"
 
     def ack(self, program: str) -> str:
@@ -105,21 +103,21 @@ class Keys(msgspec.Struct, frozen=True):
         return f"{self.root}/live/*"
 
     def live(self, instance: str, session: str) -> str:
-        """Key of a server's liveliness token.
+        """Return the key of a server's liveliness token.
 
         Args:
-            instance: one start of the server. session: the Zenoh id of what comes from it.
+            instance: one start of the server. session: Zenoh id of its session.
         """
         return f"{self.root}/live/{instance}.{session}"
 
     def client(self, client: str) -> str:
-        """Key of a client's liveliness token; ``*`` for all of them."""
+        """Return the key of a client's liveliness token; ``*`` for all of them."""
         return f"{self.root}/client/{client}"
 
     def call_of(self, key: str) -> Call | None:
-        """Client and method of a query's key expression; None: the key is wild in one of them.
+        """Return client and method of a query's key expression; None if one of them is a wildcard.
 
-        The machine's chunk may be wild: whether the method allows for that is the caller's question.
+        The machine may be a wildcard: whether the method allows it is checked by the caller.
         """
         prefix, _, rest = key.partition(f"/{_RPC}/")
         client, _, method = rest.partition("/")
@@ -128,14 +126,14 @@ class Keys(msgspec.Struct, frozen=True):
         return Call(client, method, exact=prefix == self.root)
 
     def stream_of(self, key: str) -> tuple[str, str] | None:
-        """Client and program of the key of a put of lines; None: the key holds a wildcard."""
+        """Return client and program from the key of a put of lines; None if the key has a wildcard."""
         client, _, program = key.removeprefix(f"{self.root}/in/").partition("/")
         return (client, program) if is_name(client) and is_name(program) else None
 
     def is_stop(self, key: str) -> bool:
-        """Return whether a put with this key expression asks for an emergency stop by name.
+        """Return whether a put with this key expression requests an emergency stop by name.
 
-        ``mc/@v1/*/estop`` does, for every machine at once; ``mc/@v1/**``, which matches the key too, does
+        ``mc/@v1/*/estop`` does, for every machine at once; ``mc/@v1/**``, which also matches the key, does
         not: nobody who writes that means to stop a site.
         """
         return key.rpartition("/")[2] == _EMERGENCY_STOP

@@ -1,8 +1,8 @@
-"""Notices that a router is there and does not let the session in, since another one has its Zenoh id.
+"""Detect a router that is reachable but refuses the session, because another one has its Zenoh id.
 
-Whoever gets a reply learns the id of the session that sent it, and a router has one session of an id. After a
-router's restart a stranger who connects with that id first would keep the machine away for as long as he
-stays. A session that is kept out is given up for one with a new id, which nobody knows before it is in.
+Whoever gets a reply learns the id of the session that sent it, and a router accepts one session per id. After
+a router's restart a stranger who connects with that id first would lock the machine out. A session that is
+refused is replaced by one with a new id, which nobody knows before it is connected.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ from mcserver.net.sockets import port_of
 log = logging.getLogger(__name__)
 
 LOOK_S = 1.0
-# looks in a row that find a router there and no link to it; Zenoh itself tries at least every two seconds
+# consecutive checks with a reachable router and no link; Zenoh itself retries at least every two seconds
 REFUSED_LOOKS = 4
-# until the next new session, doubled each time: a certificate that is refused must not cut others' links
+# pause before the next new session, doubled each time: a refused certificate must not cut others' links
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 1.0, 60.0
 PROBE_S = 1.0
-# where a connection can be tried
+# protocols with which a connection can be tried
 _STREAMS = frozenset({"tcp", "tls", "ws"})
 
 
 class LinkWatch:
-    """Looks after a session's link to what it connects to.
+    """Watches a session's links to its endpoints.
 
     Args:
         connect: the endpoints; a link to one of them is enough.
-        sources: this side's locators of the session's links.
-        listened: the locators that it listens on: links from there are others'.
-        reopen: gives the session up for a new one.
+        sources: returns this side's locators of the session's links.
+        listened: locators that it listens on, whose links were opened by others.
+        reopen: replaces the session.
         is_there: whether something accepts connections at an endpoint.
     """
 
@@ -54,7 +54,7 @@ class LinkWatch:
         self._pause_s = FIRST_PAUSE_S
 
     async def run(self) -> None:
-        """Look until cancelled."""
+        """Check periodically until cancelled."""
         while True:
             await asyncio.sleep(LOOK_S)
             if await self.look():
@@ -62,7 +62,7 @@ class LinkWatch:
                 self._pause_s = min(2.0 * self._pause_s, LONGEST_PAUSE_S)
 
     async def look(self) -> bool:
-        """Look once; whether the session was given up for a new one."""
+        """Check once; return whether the session was replaced."""
         if any(port_of(source) not in self._listened for source in self._sources()):
             self._refused, self._pause_s = 0, FIRST_PAUSE_S
             return False
@@ -77,8 +77,8 @@ class LinkWatch:
 
 
 async def accepts_connections(endpoint: str) -> bool:
-    """Return whether something listens at an endpoint; of protocols without connections that is not known:
-    yes.
+    """Return whether something listens at an endpoint; True for protocols without connections, where it is
+    unknown.
     """
     protocol, _, address = endpoint.partition("/")
     if protocol not in _STREAMS:

@@ -1,4 +1,4 @@
-"""The remote methods about the machine file: read by an engineer, checked, and written at rest."""
+"""Remote methods for the machine file: reading by an engineer, checking, and writing at rest."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from mcserver.simulation.machine_faults import find_machine_faults
 
 
 class MachineFileMethods:
-    """Reads and writes the one file that the server was started with.
+    """Reads and writes the file that the server was started with.
 
     Args:
-        record: keeps who did what: client, method, program, detail.
+        record: records who did what: client, method, program, detail.
     """
 
     def __init__(self, service: MachineService, record: Callable[[str, str, str | None, str], None]) -> None:
@@ -40,7 +40,7 @@ class MachineFileMethods:
         path = self._loaded().path
         async with self._turn:
             self._refuse_at_work()
-            # what was read in the meantime is of a file that nobody has seen
+            # refuse if the file has changed since the engineer read it
             before = await asyncio.to_thread(_read, path)
             if _digest(before) != request.sha256:
                 raise Refused(
@@ -51,7 +51,7 @@ class MachineFileMethods:
             shown = [wire_diagnostic(each) for each in found]
             if request.only_check or not ok:
                 return wire.WriteMachineFileReply(False, "", shown)
-            # a program may have begun while it was checked
+            # a program may have begun during the check
             self._refuse_at_work()
             kept = path.with_name(f"{path.name}.before")
             try:
@@ -74,7 +74,7 @@ class MachineFileMethods:
         return loaded
 
     def _refuse_at_work(self) -> None:
-        """Nothing is checked or written beside programs: it takes seconds of a core."""
+        """Refuse while programs run: checking takes seconds of a core."""
         busy = next((each for each in self._service.current() if not each.ended), None)
         if busy is not None:
             raise Refused("MC512", f"{busy.name or busy.program} is open", "wait for its end, or abort it")
@@ -103,7 +103,7 @@ def _faults(text: str, path: Path) -> list[Diagnostic]:
 
 def _read(path: Path) -> str:
     try:
-        # as it is: read as text, ends of lines would be others than those of the file
+        # as bytes: reading as text would change line ends
         return path.read_bytes().decode("utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise Refused("MC599", f"{path.name} cannot be read: {error}", "look at the file") from error
@@ -113,7 +113,7 @@ def _write(path: Path, kept: Path, text: str) -> None:
     mode = path.stat().st_mode & 0o777
     for target, content in ((kept, path.read_bytes()), (path, text.encode("utf-8"))):
         replace_file(target, content)
-        # others read it, too
+        # keep it readable for others
         target.chmod(mode)
 
 

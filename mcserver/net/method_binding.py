@@ -1,4 +1,4 @@
-"""Binds the methods of the table to the functions that carry them out, by name."""
+"""Bind the methods of the table to their handlers, by name."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ def bound_handlers(objects: Iterable[object], methods: Iterable[Method] = METHOD
     """Find each method's handler among the public functions of some objects; in the order of the table.
 
     Args:
-        objects: their public functions take a client's id and a request, and are named as the methods.
-        methods: those that have to be there.
+        objects: whose public functions have names of methods, and take a client's id and a request.
+        methods: all need a handler.
 
     Raises:
-        TypeError: a method without handler, with two, or a public function that is no method.
+        TypeError: a method has no handler, or two, or a public function is not a method.
     """
     found: dict[str, Handler] = {}
     for each in objects:

@@ -1,4 +1,4 @@
-"""Writes the tables of methods into their pages: ``python -m mcserver.net.method_pages docs``."""
+"""Write the tables of methods into their pages: ``python -m mcserver.net.method_pages docs``."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ END = "<!-- end of the table -->"
 
 
 class Place(NamedTuple):
-    """Where a table stands: between a line that names it and `END`."""
+    """Place of a table in a page: between a line that names it and `END`."""
 
     page: str
     table: str
@@ -32,7 +32,7 @@ DESCRIBED: Mapping[str, Roles] = MappingProxyType({method.name: method.roles for
 
 
 def calls_table() -> list[str]:
-    """Return every method with its messages, for clients."""
+    """Return the table of all methods with their messages, for clients."""
     return [
         "| method | request | reply | changes | does |",
         "|---|---|---|---|---|",
@@ -45,10 +45,10 @@ def calls_table() -> list[str]:
 
 
 def roles_table(roles_of: Mapping[str, Roles] = DESCRIBED) -> list[str]:
-    """Return who may call what, a row for each set of roles.
+    """Return the table of permissions, with a row for each set of roles.
 
     Args:
-        roles_of: by method; those of the table, or those that attempts have shown.
+        roles_of: by method; those of the method table, or as found by attempts.
     """
     return [
         f"| | {' | '.join(role.value for role in Role)} |",
@@ -66,7 +66,7 @@ TABLES = {CALLS: calls_table, ROLES: roles_table}
 
 
 def written(page: str, place: Place) -> str:
-    """Return a page's text with its table as it has to be.
+    """Return a page's text with its table up to date.
 
     Raises:
         ValueError: the page has no place for the table.

@@ -1,4 +1,4 @@
-"""The remote methods of a machine: requests in, calls of the service, replies out."""
+"""The remote methods of a machine: from requests to calls of the service, and to replies."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from mcserver.simulation.program_checker import ProgramChecker
 from mcserver.units import MINUTE
 
 if TYPE_CHECKING:
-    # it needs the packages of CANopen
+    # needs the packages of CANopen
     from mcserver.canopen.access import OperatorAccess
 
 log = logging.getLogger(__name__)
@@ -56,13 +56,13 @@ def machine_methods(
     """Bind every method to one machine's service.
 
     Args:
-        service: the programs.
-        jogging: moves by hand.
-        checker: checks and simulations.
-        drives: those on buses. recorder: its recordings. None: there are none.
+        service: of the programs.
+        jogging: motion by hand.
+        checker: of checks and simulations.
+        drives: on buses. recorder: of recordings. None: there are none.
 
     Returns:
-        The handlers by the names of their methods.
+        Handlers by name of their method.
     """
     forecast = TextForecast(service, checker)
     return bound_handlers(
@@ -83,7 +83,7 @@ def machine_methods(
 
 
 class ProgramMethods:
-    """Binds messages about programs, axes, channels and drives to one machine's service."""
+    """Handles messages about programs, axes, channels and drives for one machine's service."""
 
     def __init__(
         self, service: MachineService, jogging: Jogging, drives: OperatorAccess | None, forecast: TextForecast
@@ -322,7 +322,7 @@ class ProgramMethods:
 
 
 def _record(service: MachineService, client: str, method: str, program: str | None, detail: str) -> None:
-    """Say who did what: in the journal, in the log, and as an event."""
+    """Record who did what: in the journal, in the log, and as an event."""
     log.info("%s: %s %s %s", client, method, program or "the machine", detail)
     service.record_command(client, method, program, detail)
 

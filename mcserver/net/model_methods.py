@@ -1,4 +1,4 @@
-"""The remote methods about what a machine looks like."""
+"""Remote methods for a machine's model."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.machine.mesh_files import find_mesh, mesh_names
 from mcserver.net import model_messages as wire
 
-# What a URDF may name as a mesh: no other file of this computer leaves it this way.
+# Extensions of mesh files that a URDF may name; other files are not sent.
 SUFFIXES = frozenset({".stl", ".obj", ".dae", ".glb", ".ply"})
 MAX_MESH_BYTES = 64 * 1024 * 1024
-# Environment variables with folders of packages, and where in each of these the packages are.
+# Environment variables with folders of packages, and the packages' subfolder there.
 PACKAGE_PATHS = MappingProxyType({"AMENT_PREFIX_PATH": "share", "ROS_PACKAGE_PATH": ""})
 
 
 class ModelMethods:
-    """Answers with a machine's URDF and its meshes, read when they are first asked for."""
+    """Sends a machine's URDF and meshes, which are read on first request."""
 
     def __init__(self, machine: Machine) -> None:
         self._machine = machine
@@ -56,7 +56,7 @@ class ModelMethods:
 
 
 def look(machine: Machine) -> tuple[wire.ModelReply, list[Path | None]]:
-    """Return what a machine looks like, and the files of its meshes.
+    """Return the model of a machine, and the files of its meshes.
 
     Raises:
         Refused: MC587 its URDF cannot be read.

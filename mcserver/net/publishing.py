@@ -1,7 +1,7 @@
-"""Publications that leave from a thread of their own.
+"""Publish from a separate thread.
 
-A put goes to each subscriber's link in turn, and waits a moment for each that is full: with a crowd of them
-it takes milliseconds, which no call is to wait for.
+A put waits a moment for each subscriber's link that is full: with many of them it takes milliseconds, for
+which no call should wait.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ Put = Callable[[bytes], None]
 
 
 class PublishingThread:
-    """Puts messages in the order in which they were given.
+    """Publishes messages in order.
 
     Args:
         name: of the thread.
-        limit: how many may wait; what comes beyond is dropped. Subscribers of events notice by the numbers,
-            and ask for them again.
+        limit: most messages that may wait; further ones are dropped. Subscribers of events notice gaps in the
+            numbers, and request the missing events.
 
     Attributes:
-        dropped: messages for which there was no room.
+        dropped: count of dropped messages.
     """
 
     def __init__(self, name: str, limit: int = WAITING) -> None:
@@ -42,14 +42,14 @@ class PublishingThread:
         self._thread.start()
 
     def put(self, put: Put, payload: bytes) -> None:
-        """Publish soon; from any thread, without blocking."""
+        """Schedule a message; from any thread, without blocking."""
         try:
             self._waiting.put_nowait((put, payload))
         except queue.Full:
             self.dropped += 1
 
     def close(self) -> None:
-        """Publish what waits, and end; within a limit."""
+        """Publish what waits, and end the thread; within a time limit."""
         try:
             self._waiting.put(None, timeout=CLOSE_LIMIT_S)
         except queue.Full:

@@ -1,6 +1,6 @@
 """Quality of service by kind of key (docs/keyspace.md, "Keys").
 
-What clients send blocks, what the server sends drops: a stalled consumer then costs nobody else anything.
+Messages from clients block, those from the server are dropped: so a stalled consumer affects nobody else.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from mcserver.net.method_table import METHODS
 
 
 class Qos(msgspec.Struct, frozen=True):
-    """Priority, congestion control, express and reliability of one publication."""
+    """Priority, congestion control, express and reliability of a publication."""
 
     priority: zenoh.Priority
     congestion: zenoh.CongestionControl = zenoh.CongestionControl.DROP
@@ -41,11 +41,11 @@ def axis_qos() -> Qos:
 
 
 def reply_qos() -> list[dict[str, object]]:
-    """Zenoh's ``qos/network`` for replies, which have the quality of service of their query.
+    """Return Zenoh's ``qos/network`` for replies, which have the quality of service of their query.
 
-    A reply that waited for room in a link that nobody reads would keep one of Zenoh's threads from others,
-    and at a router the link of the machine from all other callers: it is dropped, and its caller asks again.
-    Methods that only read may have large replies; their queue is another one than that of orders and states.
+    A reply that waited for room in a stalled link would block one of Zenoh's threads, and at a router the
+    link between the machine and all other callers: it is dropped, and its caller asks again. Methods that
+    only read may have large replies, in a queue separate from that of commands and states.
     """
     prompt = [method.name for method in METHODS if method.changes or method.name in ("status", "info")]
     bulky = [method.name for method in METHODS if method.name not in prompt]

@@ -1,4 +1,4 @@
-"""The remote methods about recordings."""
+"""Remote methods for recordings."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ _NO_FOLDER = RecordingFolder(Path("/nonexistent"))
 
 
 class RecordingMethods:
-    """Binds messages to the recorder.
+    """Handles messages for the recorder.
 
     Args:
-        recorder: the server's; None: its machine file switches it off. note: publishes who did what: client,
+        recorder: the server's; None: the machine file disables it. note: publishes who did what: client,
             method, detail.
     """
 
@@ -53,7 +53,7 @@ class RecordingMethods:
     async def recordings(self, _client: str, _request: wire.RecordingsRequest) -> wire.RecordingsReply:
         status = None if self._client is None else await self._client.status()
         writing = frozenset(() if status is None else status.writing)
-        # a folder on a disk that hangs must not hold up the loop
+        # in a thread, in case the folder's disk hangs
         found = await asyncio.to_thread(self._folder.entries, writing)
         return wire.RecordingsReply(found, status, str(self._folder.path))
 

@@ -1,4 +1,4 @@
-"""The remote methods ``continuation`` and ``continue_program``."""
+"""Remote methods ``continuation`` and ``continue_program``."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from mcserver.service.service import MachineService
 
 
 class RecoveryMethods:
-    """Binds the messages to one machine's service.
+    """Handles the messages for one machine's service.
 
     Args:
         forecast: called with the hash of a text whose program begins.
-        record: keeps who did what: client, method, program, detail.
+        record: records who did what: client, method, program, detail.
     """
 
     def __init__(

@@ -1,8 +1,8 @@
-"""Replies on their way out: a caller that takes none of them holds up nobody else's.
+"""Send replies so that a caller that accepts none of them blocks nobody else's.
 
-A reply blocks while its caller's link is full, up to the time after which Zenoh closes that link; so does
-giving a query up, which tells its caller that no reply comes. So neither is done in the loop: a few threads
-send, and each caller has at most one of these at a time.
+A reply blocks while its caller's link is full, until Zenoh closes that link; so does dropping a query, which
+tells its caller that no reply comes. So neither is done in the loop: a few threads send, at most one reply
+per caller at a time.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ import msgspec
 
 log = logging.getLogger(__name__)
 
-# more callers than this would have to be stuck at the same moment for another one to wait
+# most replies sent at once: more callers would have to be stuck at the same time to delay another one
 SENDERS = 16
 CALLER_REPLIES = 256
-# of what waits behind the reply that is being sent, which may be larger: a simulation of a long program
+# waiting behind the reply that is being sent, which may be larger: the simulation of a long program
 CALLER_BYTES = 4 * 1024 * 1024
 TOTAL_BYTES = 128 * 1024 * 1024
 
@@ -29,10 +29,10 @@ Send = Callable[[], None]
 
 
 class Outgoing(msgspec.Struct, frozen=True):
-    """One reply that waits.
+    """A waiting reply.
 
     Attributes:
-        size: of its payload [bytes]. send: sends it; may block. drop: gives it up; may block.
+        size: of its payload [bytes]. send: sends it; may block. drop: drops it; may block.
     """
 
     size: int
@@ -48,16 +48,16 @@ class _Lane(msgspec.Struct):
 
 
 class ReplySender:
-    """Sends replies from threads of its own, those of one caller in order.
+    """Sends replies from separate threads, those of one caller in order.
 
     Args:
-        senders: how many replies may be blocked before one of another caller waits. Threads start as they
-            are needed.
-        caller_replies, caller_bytes: what may wait for one caller; a reply beyond it is dropped, and its
-            caller asks again.
+        senders: most replies that may block before one of another caller waits. Threads are started as
+            needed.
+        caller_replies, caller_bytes: bounds of what may wait for one caller; a further reply is dropped, and
+            its caller asks again.
 
     Attributes:
-        dropped: replies given up so far.
+        dropped: count of dropped replies.
     """
 
     def __init__(
@@ -82,9 +82,7 @@ class ReplySender:
         self._discarder: threading.Thread | None = None
 
     def has_room(self, caller: str) -> bool:
-        """Return whether another reply to this caller would be taken: asked before any work is done for
-        it.
-        """
+        """Return whether another reply to this caller would be accepted; checked before any work for it."""
         if caller not in self._lanes:
             return True
         with self._lock:
@@ -92,7 +90,7 @@ class ReplySender:
             return lane is None or self._fits(lane, 0)
 
     def discard(self, drop: Send) -> None:
-        """Give a query up without a reply; from any thread, without blocking."""
+        """Drop a query without a reply; from any thread, without blocking."""
         self.dropped += 1
         self._discarded.put(drop)
         with self._lock:
@@ -107,7 +105,7 @@ class ReplySender:
             self.discard(reply.drop)
 
     def close(self) -> None:
-        """Take no more; a thread that is blocked ends when its link does."""
+        """Accept no more replies; a blocked thread ends when its link does."""
         with self._lock:
             self._closed = True
             waiting = [reply for lane in self._lanes.values() for reply in list(lane.replies)[1:]]
@@ -123,9 +121,9 @@ class ReplySender:
             self._discard_all()
 
     def join(self, limit_s: float) -> None:
-        """Wait for the threads to end, after `close` and the end of the session, which frees blocked ones.
+        """Wait for the threads to end, after `close` and the end of the session, which unblocks them.
 
-        A thread that the interpreter ends inside Zenoh aborts the process.
+        A thread that the interpreter ends inside Zenoh would abort the process.
         """
         until = time.monotonic() + limit_s
         for thread in (*self._threads, *((self._discarder,) if self._discarder is not None else ())):
@@ -162,7 +160,7 @@ class ReplySender:
             try:
                 drop()
             except BaseException:
-                # a panic of Zenoh too: others' queries follow
+                # catch panics of Zenoh, too: others' queries follow
                 log.exception("a query could not be given up")
 
     def _run(self) -> None:
@@ -186,7 +184,7 @@ class ReplySender:
             lane.size -= reply.size
             self._size -= reply.size
             if lane.replies:
-                # behind the other callers
+                # after the other callers
                 self._ready.put(caller)
             else:
                 del self._lanes[caller]

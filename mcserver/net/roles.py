@@ -1,4 +1,4 @@
-"""Who may call what: the roles of people and programs, the same at every door."""
+"""Roles of people and programs, and what they may call; the same at every door."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import enum
 
 
 class Role(enum.Enum):
-    """What a person or program is there for."""
+    """Role of a person or program."""
 
     OBSERVER = "observer"  # sees everything, may stop
     AGENT = "agent"  # checks, simulates and asks for runs; starts what an operator has armed
@@ -16,16 +16,16 @@ class Role(enum.Enum):
 
 Roles = frozenset[Role]
 
-# Looking costs a server next to nothing and changes nothing. Stopping is for everybody whom a door lets in.
+# Reading costs a server next to nothing and changes nothing. Stopping is for everybody whom a door lets in.
 EVERYBODY: Roles = frozenset(Role)
-# Computing costs processor time and disk beside a machine that moves: not for observers, whose tokens are
-# shared most. Asking moves nothing; who may move by himself may let somebody else look first.
+# Computing costs processor time and disk beside a moving machine: not for observers, whose tokens are shared
+# most. Requests for runs move nothing; those who may move anyway may still ask for an approval.
 ASKERS: Roles = frozenset({Role.AGENT, Role.OPERATOR, Role.ENGINEER})
 MOVERS: Roles = frozenset({Role.OPERATOR, Role.ENGINEER})
 CONFIGURERS: Roles = frozenset({Role.ENGINEER})
 
 
 def roles_named(roles: Roles) -> str:
-    """Return the names of roles as people read them, such as ``operator or engineer``."""
+    """Return the names of roles for people, such as ``operator or engineer``."""
     names = [role.value for role in Role if role in roles]
     return " or ".join(filter(None, [", ".join(names[:-1]), names[-1]]))

@@ -1,4 +1,4 @@
-"""Remote calls: one queryable, a table of methods, one place where errors become replies."""
+"""Remote calls: one queryable, a table of methods, and one place where errors become replies."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ INFO_LANES = 4
 _RPC_CHUNK = "/@rpc/"
 
 Settle = Callable[[object, BaseException | None], None]
-# Takes the client's id and a method's request; gives the reply's message, at once or as an awaitable; errors
-# as `McError`.
+# Takes the client's id and a method's request; returns the reply's message, or an awaitable of it; raises
+# `McError`.
 Handler = Callable[[str, Any], Any]
 
 
 class KeyedQuery(NamedTuple):
-    """A query and what its key means.
+    """A query and the meaning of its key.
 
     Attributes:
-        key: as it was asked for. reply_key: of its answer. lane: its replies wait behind others of the lane.
-        call: None where the key names neither one client nor one method. method: None for an unknown name.
+        key: as requested. reply_key: of its answer. lane: queue in which its replies wait.
+        call: None if the key does not name one client and one method. method: None for an unknown name.
     """
 
     query: zenoh.Query
@@ -52,7 +52,7 @@ class KeyedQuery(NamedTuple):
 
 
 def encode_error(error: BaseException) -> bytes:
-    """Return the payload of ``reply_err`` for any exception; what nobody foresaw becomes MC516."""
+    """Return the payload of ``reply_err`` for any exception; unexpected ones become MC516."""
     if isinstance(error, ProgramRejected):
         reply = ErrorReply(
             code=error.code,
@@ -79,8 +79,8 @@ class RpcServer:
 
     Args:
         keys: of this machine.
-        handlers: by the names of methods of the table; ``info`` is asked for on its own key.
-        replies: sends them.
+        handlers: by name of the method; ``info`` has its own key.
+        replies: sends replies.
     """
 
     def __init__(self, keys: Keys, handlers: Mapping[str, Handler], replies: ReplySender) -> None:
@@ -88,7 +88,7 @@ class RpcServer:
         self._handlers = handlers
         self._encode = msgspec.msgpack.Encoder().encode
         self._decoders = {name: MessageDecoder(BY_NAME[name].request) for name in handlers}
-        # asked for on a key of its own, which no client id is part of
+        # on a key of its own, without a client id
         self._info = Call("", "info", exact=False)
         self._answers = AnswerMemory(time.monotonic)
         self._replies = replies
@@ -98,10 +98,10 @@ class RpcServer:
         self._tasks: set[asyncio.Task[None]] = set()
 
     def on_query(self, query: zenoh.Query) -> None:
-        """Carry out one query, in the loop; it is dropped once it is answered."""
+        """Execute one query, in the loop; it is dropped once it is answered."""
         asked = self._asked(query)
         if not self._replies.has_room(asked.lane):
-            # it takes no replies: it may ask again, and no work is done for it until then
+            # the caller accepts no replies now: do no work for it; it may ask again
             self.refuse(query)
             return
         try:
@@ -111,11 +111,11 @@ class RpcServer:
             self._send(asked, self._failed(asked.key, error))
 
     def refuse(self, query: zenoh.Query) -> None:
-        """Give a query up unanswered; from any thread."""
+        """Drop a query without an answer; from any thread."""
         self._replies.discard(query.drop)
 
     async def close(self) -> None:
-        """Cancel what is still being worked on."""
+        """Cancel requests in progress."""
         for task in list(self._tasks):
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
@@ -124,7 +124,7 @@ class RpcServer:
         key = str(query.key_expr)
         call = self._info if _RPC_CHUNK not in key else self._keys.call_of(key)
         if call is None or call is self._info:
-            # nobody knows who asks: some lanes for all, so that one that is stuck leaves the others
+            # the caller is unknown: spread over several lanes, so that a stuck one does not block all
             self._info_lane = (self._info_lane + 1) % INFO_LANES
             lane, reply_key = f"info/{self._info_lane}", self._keys.info
         else:
@@ -133,7 +133,7 @@ class RpcServer:
         return KeyedQuery(query, key, reply_key, lane, call, method)
 
     def _callable(self, asked: KeyedQuery) -> tuple[Call, Method]:
-        """Return what a query may call.
+        """Return the call of a query and its method.
 
         Raises:
             ServiceError: MC501, MC502.
@@ -199,7 +199,7 @@ class RpcServer:
             settle(reply, None)
 
     def _finish(self, asked: KeyedQuery, number: int | None, answer: Answer) -> None:
-        """Answer a call, and all that wait for the same answer."""
+        """Answer a call, and everyone who waits for the same answer."""
         call, method = asked.call, asked.method
         if method is not None and method.changes and call is not None and number is not None:
             self._answers.finish(call.client, number, answer)
@@ -208,7 +208,7 @@ class RpcServer:
 
     def _decode(self, query: zenoh.Query, name: str) -> Request:
         payload = query.payload
-        # no payload, or an empty one, is an empty map
+        # a missing or empty payload is an empty map
         written = (b"" if payload is None else payload.to_bytes()) or b"\x80"
         return self._decoders[name](written)
 
@@ -243,5 +243,5 @@ def _reply(asked: KeyedQuery, answer: Answer) -> None:
     except BaseException as error:
         if not is_zenoh_fault(error):
             raise
-        # the client went away, or asked by a key that this reply does not match
+        # the client has disappeared, or its key does not match this reply
         log.info("no answer to %s could be sent: %s", asked.key, error)

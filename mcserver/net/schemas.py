@@ -1,6 +1,6 @@
-"""Publishes every message as JSON Schema: ``python -m mcserver.net.schemas docs/schemas``.
+"""Publish every message as JSON Schema: ``python -m mcserver.net.schemas docs/schemas``.
 
-MessagePack's types map to JSON's, but for ``bin``, which a schema can only call a base64 string.
+MessagePack's types map to JSON's, except for ``bin``, which a schema can only call a base64 string.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def message_types() -> dict[str, type[msgspec.Struct]]:
 
 
 def schemas() -> dict[str, str]:
-    """File name → text, one schema a message; those that it refers to stand in its ``$defs``."""
+    """Return the schemas as file name → text, one per message; referenced ones are in its ``$defs``."""
     files = {}
     for name, message in message_types().items():
         (top,), definitions = msgspec.json.schema_components([message], ref_template="#/$defs/{name}")
@@ -71,7 +71,7 @@ def schemas() -> dict[str, str]:
 
 
 def write(folder: Path) -> None:
-    """Write all schemas into ``folder`` and take away those of messages that are gone."""
+    """Write all schemas into ``folder``, and remove those of messages that no longer exist."""
     folder.mkdir(parents=True, exist_ok=True)
     current = schemas()
     for stale in folder.glob("*.json"):

@@ -1,4 +1,4 @@
-"""The remote method ``open_servo``, and the messages of targets that are streamed to it."""
+"""The remote method ``open_servo``, and the messages of targets streamed to it."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from mcserver.units import DEGREE, MM
 
 Array = NDArray[np.float64]
 
-# Of X Y Z A B C, and of what they change by.
+# Scales to SI of X Y Z A B C, and of their rates.
 POSE_SCALE: Array = np.array([MM] * 3 + [DEGREE] * 3)
 POSE_SCALE.setflags(write=False)
 
 
 class ServoMethods:
-    """Binds the method to one machine's service.
+    """Handles the method for one machine's service.
 
     Args:
-        record: keeps who did what: client, method, program, detail.
+        record: records who did what: client, method, program, detail.
     """
 
     def __init__(self, service: MachineService, record: Callable[[str, str, str, str], None]) -> None:
@@ -43,7 +43,7 @@ class ServoMethods:
 
 
 def bounds_asked(machine: Machine, request: wire.ServoRequest) -> servo.Sides | None:
-    """Return the bounds of axes that a request gives; None: it gives none.
+    """Return the bounds of axes in a request; None without any.
 
     Raises:
         ServiceError: MC507 no such axis.
@@ -54,10 +54,10 @@ def bounds_asked(machine: Machine, request: wire.ServoRequest) -> servo.Sides | 
 
 
 def targets_in_si(program: Program, message: wire.StreamTargets) -> TargetMessage:
-    """Return a message of targets in SI; rows that do not fit each other as arrays that fit no axes."""
+    """Convert a message of targets to SI; rows of different lengths become arrays that match no axes."""
     scale = np.ones(0) if program.targets is None else program.targets.si_per_unit
     if message.tool is not None:
-        # a tool without orientation has the first three alone
+        # a tool without orientation only has X Y Z
         scale = POSE_SCALE[: len((message.positions or message.velocities or [[]])[0])]
     return TargetMessage(
         message.seq,

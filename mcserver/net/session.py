@@ -1,4 +1,4 @@
-"""The one place that wraps Zenoh: its synchronous callbacks and the asyncio loop."""
+"""Wrap Zenoh for the asyncio loop; its synchronous callbacks appear only here."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ OnQuery = Callable[[zenoh.Query], None]
 
 
 def is_zenoh_fault(error: BaseException) -> bool:
-    """Return whether Zenoh refused something, or panicked: that is no `Exception`, of a class without a
-    module.
+    """Return whether Zenoh refused something, or panicked: a panic is not an `Exception`, and its class has
+    no module.
     """
     return isinstance(error, zenoh.ZError) or type(error).__name__ == "PanicException"
 
@@ -47,16 +47,16 @@ class Publication(Protocol):
 
 
 class MatchedPublication:
-    """A declared publisher that knows whether someone subscribes, without asking Zenoh each time.
+    """A declared publisher that knows without asking Zenoh whether there are subscribers.
 
     Attributes:
-        wanted: there is a subscriber now. Set in Zenoh's thread.
+        wanted: there is a subscriber. Set in Zenoh's thread.
     """
 
     def __init__(self, publisher: zenoh.Publisher) -> None:
         self.wanted = False
         self._publisher = publisher
-        # it is notified at once of subscribers that are there already
+        # it is notified at once of existing subscribers
         self._listener = publisher.declare_matching_listener(
             zenoh.handlers.Callback(self._on_matching, indirect=False)
         )
@@ -69,11 +69,11 @@ class MatchedPublication:
 
 
 class ZenohSession:
-    """One Zenoh session. Everything declared through it ends with `close`.
+    """One Zenoh session; `close` ends everything declared through it.
 
-    A malformed key that a stranger declares makes Zenoh panic with its routing tables locked: such a session
-    is deaf for good. What was declared in it must not be dropped, which aborts the process, so all of it is
-    kept here.
+    A malformed key declared by a stranger makes Zenoh panic with its routing tables locked, and the session
+    permanently deaf. Dropping its declarations would then abort the process, so references to all are kept
+    here.
     """
 
     def __init__(self, session: zenoh.Session) -> None:
@@ -88,7 +88,7 @@ class ZenohSession:
         """Open a session without blocking the loop.
 
         Raises:
-            ServiceError: MC522 the endpoint cannot be listened on, or the router not be reached.
+            ServiceError: MC522 it cannot listen on the endpoint, or not reach the router.
         """
         try:
             session = await asyncio.to_thread(zenoh.open, config)
@@ -102,11 +102,11 @@ class ZenohSession:
 
     @property
     def zenoh_id(self) -> str:
-        """Its id on the network, which whoever gets a reply learns."""
+        """Its id on the network, which everyone who gets a reply learns."""
         return str(self._session.zid())
 
     def link_sources(self) -> list[str]:
-        """Locators of this side of its links."""
+        """Return this side's locators of its links."""
         return [link.src for link in self._session.info.links()]
 
     def subscribe(self, key: str, on_sample: OnSample) -> None:
@@ -114,15 +114,15 @@ class ZenohSession:
         self._declared.append(self._session.declare_subscriber(key, self._callback(on_sample)))
 
     def queryable(self, key: str, on_query: OnQuery) -> None:
-        """Call ``on_query`` in Zenoh's thread for each query; whoever takes it has to drop it."""
+        """Call ``on_query`` in Zenoh's thread for each query, which the callee has to drop."""
         self._declared.append(self._session.declare_queryable(key, self._callback(on_query), complete=True))
 
     def token(self, key: str) -> None:
-        """A liveliness token, until the session ends."""
+        """Declare a liveliness token until the session ends."""
         self._declared.append(self._session.liveliness().declare_token(key))
 
     async def tokens(self, key: str) -> list[str]:
-        """Keys of the liveliness tokens that are there now."""
+        """Return the keys of the present liveliness tokens."""
 
         def ask() -> list[str]:
             replies = self._session.liveliness().get(key, timeout=TOKENS_TIMEOUT_S)
@@ -131,13 +131,13 @@ class ZenohSession:
         return await asyncio.to_thread(ask)
 
     def watch_tokens(self, key: str, on_sample: OnSample) -> None:
-        """Call ``on_sample`` in Zenoh's thread as tokens come (PUT, those there already too) and go."""
+        """Call ``on_sample`` in Zenoh's thread as tokens appear (PUT, present ones too) and disappear."""
         self._declared.append(
             self._session.liveliness().declare_subscriber(key, self._callback(on_sample), history=True)
         )
 
     def matched_publisher(self, key: str, qos: Qos) -> MatchedPublication:
-        """Return a publisher that knows whether someone subscribes."""
+        """Return a publisher that knows whether there are subscribers."""
         matched = MatchedPublication(self.publisher(key, qos))
         self._declared.append(matched)
         return matched
@@ -156,7 +156,7 @@ class ZenohSession:
         return publisher
 
     def recoverable_publisher(self, key: str, qos: Qos) -> Publication:
-        """Return a publisher whose subscribers notice what they missed and get it from its cache."""
+        """Return a publisher whose subscribers detect gaps and fill them from its cache."""
         self._use_tables()
         publisher = zenoh.ext.declare_advanced_publisher(
             self._session,
@@ -182,8 +182,8 @@ class ZenohSession:
         publisher.undeclare()  # type: ignore[no-untyped-call]
 
     async def is_deaf(self) -> bool:
-        """Return whether Zenoh hears nobody through this session any more; a stranger's malformed key is
-        enough.
+        """Return whether Zenoh no longer receives through this session, which a stranger's malformed key can
+        cause.
         """
         try:
             async with asyncio.timeout(LOOK_LIMIT_S):
@@ -195,7 +195,7 @@ class ZenohSession:
         return self._deaf
 
     def _use_tables(self) -> None:
-        """Go through the routing tables: a panic in them is one here, and ends nothing but this call.
+        """Use the routing tables, so that a panic in them is raised here and affects only this call.
 
         Raises:
             zenoh.ZError: the session is deaf, or closed.
@@ -204,7 +204,7 @@ class ZenohSession:
             try:
                 self._session.undeclare(self._session.declare_keyexpr(everything()))
             except BaseException as error:
-                # the next declaration of the key would not come so far as to panic
+                # later declarations of the key would fail before they panic
                 self._deaf = not isinstance(error, zenoh.ZError)
                 raise zenoh.ZError(str(error)) from None
             finally:
@@ -213,7 +213,7 @@ class ZenohSession:
             raise zenoh.ZError("the session is deaf")
 
     async def endpoints(self) -> list[str]:
-        """Endpoints that the session listens on; only known where one was asked for with port 0."""
+        """Return the endpoints that the session listens on; only needed if port 0 was requested."""
 
         def ask() -> list[str]:
             for reply in self._session.get(f"@/{self._session.zid()}/*", timeout=2.0):
@@ -227,7 +227,7 @@ class ZenohSession:
         return zenoh.handlers.Callback(callback, indirect=False)
 
     async def close(self) -> None:
-        """End all that was declared, advanced publishers first, within `CLOSE_LIMIT_S`."""
+        """End everything declared, advanced publishers first, within `CLOSE_LIMIT_S`."""
         loop = asyncio.get_running_loop()
         closed = asyncio.Event()
         close: Callable[[], None] = self._session.close
@@ -239,21 +239,21 @@ class ZenohSession:
                 publisher.undeclare()
 
         def end() -> None:
-            # a deaf session gives its port up before it panics
+            # a deaf session frees its port before it panics
             for step in (end_publishers, close):
                 try:
                     step()
                 except BaseException as error:
                     log.warning("Zenoh did not close cleanly: %s", error)
             if self._deaf:
-                # some links are left open: whoever has one would wait for ever
+                # Zenoh leaves some links open, on which the other side would wait forever
                 shut_down(ports)
             loop.call_soon_threadsafe(closed.set)
             if self._deaf:
-                # it keeps all that was declared, as long as the process lives
+                # never drop the declarations: keep them as long as the process lives
                 threading.Event().wait()
 
-        # a thread of its own that may be left behind: closing has been seen to hang on a dead link
+        # in a thread that may be left behind, since closing may hang on a dead link
         threading.Thread(target=end, name="zenoh-close", daemon=True).start()
         try:
             await asyncio.wait_for(closed.wait(), CLOSE_LIMIT_S)

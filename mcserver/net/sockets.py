@@ -1,4 +1,4 @@
-"""This process's sockets, whatever library has opened them."""
+"""Find and shut down sockets of this process, whichever library opened them."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from collections.abc import Collection
 
 
 def port_of(locator: str) -> str:
-    """Return the port of a locator of Zenoh, such as ``tcp/127.0.0.1:7447``."""
+    """Return the port of a Zenoh locator, such as ``tcp/127.0.0.1:7447``."""
     return locator.partition("?")[0].partition("#")[0].rpartition(":")[2]
 
 
 def shut_down(ports: Collection[str]) -> None:
-    """Shut down the connections that have one of these ports on this side, so that the others notice."""
+    """Shut down connections with one of these local ports, so that the other sides notice."""
     for number in map(int, os.listdir("/proc/self/fd")):
         with contextlib.suppress(OSError):
-            # a copy of what is no socket would stay open
+            # wrapping a descriptor that is not a socket would leave its copy open
             if not stat.S_ISSOCK(os.fstat(number).st_mode):
                 continue
             with socket.socket(fileno=os.dup(number)) as found:

@@ -1,4 +1,4 @@
-"""The machine in the units of its edges: mm, deg, seconds, N·m."""
+"""Report the machine in the units of its edges: mm, deg, seconds, N·m."""
 
 from __future__ import annotations
 
@@ -58,17 +58,17 @@ NO_SIZE = Cutter(0.0)
 
 
 class EdgeUnits:
-    """Converts arrays over a machine's axes from SI to mm and deg, and to the poses of its tools.
+    """Converts arrays over a machine's axes from SI to mm and deg, and to poses of its tools.
 
     Attributes:
-        index: the axes' numbers. scale: SI → mm or deg, of each axis.
+        index: the axes' numbers. scale: SI to mm or deg, by axis.
     """
 
     def __init__(self, machine: Machine) -> None:
         self.index = [axis.index for axis in machine.axes]
         self.scale = [1.0 / axis.type.si_per_unit for axis in machine.axes]
         self._row_scale: NDArray[np.float64] = np.array(self.scale)
-        # of each axis the column of its leader, or its own
+        # column of each axis's leader, or its own
         self._leaders = [
             column if axis.gantry is None else machine.column_of(axis.gantry.leader)
             for column, axis in enumerate(machine.axes)
@@ -77,20 +77,20 @@ class EdgeUnits:
         self._poses = ToolPoses(machine, build_kinematics(machine))
 
     def of(self, values: Sequence[float]) -> list[float]:
-        """One quantity of all axes in mm or deg, or these per second.
+        """Convert one quantity of all axes to mm or deg, or these per second.
 
-        Of a single row NumPy's own overhead is many times the work.
+        In plain Python: for a single row NumPy's overhead is many times the work.
         """
         return [value * scale for value, scale in zip(values, self.scale, strict=True)]
 
     def skew(self, position: Sequence[float]) -> list[float]:
-        """Return by how much second drives are further than their leaders; empty without pairs."""
+        """Return how far second drives are ahead of their leaders; empty without gantries."""
         if not self._paired:
             return []
         return self.of([here - position[at] for here, at in zip(position, self._leaders, strict=True)])
 
     def tools(self, position: Sequence[float]) -> list[ToolPose]:
-        """Return where each tool is with the axes at ``position``, length K [SI]."""
+        """Return the pose of each tool with the axes at ``position``, length K [SI]."""
         if not self._poses.numbers:
             return []
         row = np.array([position])
@@ -98,7 +98,7 @@ class EdgeUnits:
         return [ToolPose(tool, pose[:3].tolist(), pose[3:].tolist()) for tool, pose in poses.items()]
 
     def work_offsets(self, systems: Mapping[int, Mapping[int, float]]) -> list[WorkOffset]:
-        """Name the work coordinate systems that were set, their origins in mm and deg."""
+        """Return the work coordinate systems that were set, with origins in mm and deg."""
         found: list[WorkOffset] = []
         if not systems:
             return found
@@ -112,7 +112,7 @@ class EdgeUnits:
         return found
 
     def tables(self, kept: WorkOffsets, *, tool_table: bool) -> Tables:
-        """Return what programs start with, and its changes, in mm and deg."""
+        """Return the tables that programs start with, and their changes, in mm and deg."""
         scale = {str(axis): scale for axis, scale in zip(self.index, self.scale, strict=True)}
         scale |= {"R": 1.0 / DEGREE, "length": 1.0 / MM, "diameter": 1.0 / MM}
         scale |= {"life": 1.0 / MINUTE, "used": 1.0 / MINUTE}
@@ -139,7 +139,7 @@ class EdgeUnits:
         return Tables(offsets, tool_table, rows if tool_table else [], changes, names)
 
     def rows(self, cycles: Cycles) -> NDArray[np.float32]:
-        """Telemetry of some cycles: shape (n, K, 4), the fields of `TELEMETRY_FIELDS`."""
+        """Return telemetry of some cycles, shape (n, K, 4), with the fields of `TELEMETRY_FIELDS`."""
         rows = np.empty((*cycles.setpoint.shape, len(TELEMETRY_FIELDS)), dtype="<f4")
         rows[:, :, 0] = cycles.setpoint * self._row_scale
         rows[:, :, 1] = cycles.position * self._row_scale
@@ -149,9 +149,9 @@ class EdgeUnits:
 
 
 def axes_at_rest(service: MachineService) -> set[int]:
-    """Return the axes of programs that a feed hold has brought to rest; the executor calls them moving.
+    """Return the axes of programs that a feed hold has brought to rest; to the executor they are moving.
 
-    One that may follow a conveyor goes on with it.
+    Axes with superimposed motion are left out, as that continues.
     """
     going_on = {axis.index for axis in service.machine.axes if axis.reserved is not None}
     held = [each for each in service.current() if each.held and each.slot is not None]
@@ -162,7 +162,7 @@ def axes_at_rest(service: MachineService) -> set[int]:
 
 
 def states_shown(snapshot: Snapshot, index: Sequence[int], at_rest: Container[int]) -> list[AxisState]:
-    """Return the axes' states, of those that a feed hold keeps at rest standstill; a search goes on."""
+    """Return the axes' states; held axes at rest are standstill, except in a homing search."""
     rows = zip(index, snapshot.states, snapshot.homed or [True] * len(index), strict=True)
     return [
         "standstill" if state == "moving" and homed and axis in at_rest else state
@@ -171,7 +171,7 @@ def states_shown(snapshot: Snapshot, index: Sequence[int], at_rest: Container[in
 
 
 def machine_status(service: MachineService, units: EdgeUnits) -> MachineStatus:
-    """Return the whole machine now."""
+    """Return the present state of the whole machine."""
     snapshot = service.port.snapshot()
     if service.latch.faults:
         service.latch.refresh_faults(dict(zip(units.index, snapshot.states, strict=True)))
@@ -208,7 +208,7 @@ def machine_status(service: MachineService, units: EdgeUnits) -> MachineStatus:
 
 
 def _mounted(service: MachineService) -> list[MountedTool]:
-    """Return the tools that have bodies and are known to be there, cutters with their sizes."""
+    """Return the mounted tools with bodies, cutters with their sizes."""
     found: list[MountedTool] = []
     for place, tools in service.mounted.at.items():
         for number in tools if len(tools) == 1 else ():
@@ -219,7 +219,7 @@ def _mounted(service: MachineService) -> list[MountedTool]:
 
 
 def machine_info(service: MachineService, methods: list[str]) -> Info:
-    """Return what does not change while the server runs."""
+    """Return the information that does not change while the server runs."""
     machine = service.machine
     return Info(
         machine=machine.name,
@@ -269,7 +269,7 @@ def machine_info(service: MachineService, methods: list[str]) -> Info:
 
 
 def limits_info(*, at_once: int, opened: int) -> LimitsInfo:
-    """Bounds of a service that runs so many programs at once, and has so many open."""
+    """Return the bounds of a service that runs ``at_once`` programs at once and has ``opened`` open."""
     return LimitsInfo(
         max_line_length=MAX_LINE_LENGTH,
         max_lines_a_message=MAX_LINES_A_MESSAGE,
@@ -307,7 +307,7 @@ def _output_info(each: Output) -> OutputInfo:
 
 
 def axis_info(axis: Axis, dialect: Dialect) -> AxisInfo:
-    """Return what clients are told of an axis; ``dialect``: of the machine's programs."""
+    """Return an axis's information for clients; ``dialect``: of the machine's programs."""
     scale = 1.0 / axis.type.si_per_unit
 
     def limit(value: float) -> float | None:

@@ -1,8 +1,8 @@
-"""Copies of one emergency stop: a stop is sent again until it is confirmed, and on more than one way.
+"""Recognize copies of one emergency stop, which is sent repeatedly, and on several routes, until confirmed.
 
-The last copy may arrive when the stop has been confirmed, its cause removed and the latch reset: it is no
-stop of its own. Whoever stops puts one random number, `EstopRequest.request`, into all of its copies. A
-number is believed for a short time only, and only one that no counter has: in doubt the machine stops.
+The last copy may arrive when the stop has been confirmed, its cause removed and the latch reset: it is not a
+new stop. The sender puts one random number, `EstopRequest.request`, into all copies. A number marks a
+copy for a short time only, and only in the range above all counters: in doubt the machine stops.
 """
 
 from __future__ import annotations
@@ -11,15 +11,15 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable
 
-# Numbers from here on are random ones; what counts its requests stays below.
+# Random numbers begin here; counters of requests stay below.
 LEAST_NUMBER = 1 << 32
-# How long the copies of a stop are known as such [s], and of how many stops.
+# Time for which copies of a stop are recognized [s], and most stops remembered.
 KNOWN_S = 10.0
 KNOWN = 256
 
 
 class StopCopies:
-    """The numbers of the stops of the last seconds. For any thread.
+    """Numbers of the latest stops. Thread-safe.
 
     Args:
         clock: monotonic [s].
@@ -28,11 +28,11 @@ class StopCopies:
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
         self._lock = threading.Lock()
-        # number: when its first copy came
+        # number → time of its first copy
         self._known: OrderedDict[int, float] = OrderedDict()
 
     def is_copy(self, number: int | None) -> bool:
-        """Return whether a stop of this number came a short while ago, and keep the number."""
+        """Return whether a stop with this number came recently, and remember the number."""
         if number is None or number < LEAST_NUMBER:
             return False
         now = self._clock()

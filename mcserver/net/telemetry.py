@@ -1,4 +1,4 @@
-"""Telemetry out: every cycle in batches, the whole machine at 20 Hz, single axes while someone listens."""
+"""Publish telemetry: every cycle in batches, the whole machine at 20 Hz, single axes while subscribed to."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from mcserver.service.service import MachineService
 
 log = logging.getLogger(__name__)
 
-# messages in one turn, where the thread was late
+# most messages in one turn, after the thread was delayed
 CATCH_UP = 20
-# how often it is looked for subscribers while there are none
+# interval of checks for subscribers while there are none
 LOOK_S = 0.1
 CLOSE_LIMIT_S = 1.0
 
 
 class StateTelemetry:
-    """Publishes the state of the whole machine; made and encoded in the loop, put from a thread.
+    """Publishes the state of the whole machine; encoded in the loop, published from a thread.
 
     Args:
-        session: what to publish on.
+        session: to publish on.
         keys: of this machine.
-        service: what to publish.
-        publishing: puts.
+        service: to publish the state of.
+        publishing: the thread.
     """
 
     def __init__(
@@ -58,17 +58,17 @@ class StateTelemetry:
                 state = machine_status(self._service, self._units)
                 self._publishing.put(self._state.put, self._encode(state))
             else:
-                # the time left of programs is followed, whether anybody looks or not
+                # remaining times are updated even without subscribers
                 self._service.estimate()
 
 
 class CycleTelemetry:
-    """Publishes every cycle, from a thread of its own; it only reads what the executor shares.
+    """Publishes every cycle from its own thread, which only reads the executor's shared memory.
 
-    Nothing is read or encoded for keys that nobody subscribes to.
+    Nothing is read or encoded for keys without subscribers.
 
     Args:
-        session: what to publish on.
+        session: to publish on.
         keys: of this machine.
         service: of the machine.
     """
@@ -91,7 +91,7 @@ class CycleTelemetry:
         self._thread.start()
 
     def close(self) -> None:
-        """End the thread, within a limit."""
+        """End the thread, within a time limit."""
         self._ending.set()
         self._thread.join(CLOSE_LIMIT_S)
 
@@ -104,7 +104,7 @@ class CycleTelemetry:
             try:
                 self._publish()
             except BaseException as error:
-                # one batch that fails does not end all that come after it
+                # a failed batch does not end the thread
                 self._failed.add(
                     f"telemetry could not be published: {error}", None if is_zenoh_fault(error) else error
                 )
@@ -114,7 +114,7 @@ class CycleTelemetry:
         single = [column for column, publisher in enumerate(self._axes) if publisher.wanted]
         self._followed = whole or bool(single)
         if not self._followed:
-            # whoever comes later begins with the newest cycles
+            # the next subscriber begins with the newest cycles
             self._next_cycle = -1
             return
         for _ in range(CATCH_UP):

@@ -1,4 +1,4 @@
-"""Simulates texts that are kept on the server while programs run them, for their times."""
+"""Simulate stored texts while programs run them, to forecast their times."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class TextForecast:
         self._checker = checker
 
     def begin(self, sha256: str | None) -> None:
-        """Simulate a text that is kept while programs run it, unless its times are known."""
+        """Simulate a stored text while programs run it, unless its times are known."""
         service = self._service
         if sha256 is None or not service.texts.has(sha256):
             return
@@ -44,5 +44,5 @@ class TextForecast:
         self._checker.foresee(sha256, text.path, listen, start, checked=text.checked == switches)
 
     def _running(self, sha256: str) -> list[Program]:
-        """Return the programs of a text that have not ended."""
+        """Return the running programs of a text."""
         return [each for each in self._service.current() if each.sha256 == sha256 and not each.ended]

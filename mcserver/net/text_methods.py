@@ -1,4 +1,4 @@
-"""The remote methods about whole texts: ``check``, ``simulate``, ``put_text``."""
+"""Remote methods for whole texts: ``check``, ``simulate``, ``put_text``."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from mcserver.simulation.program_checker import ProgramChecker
 
 
 class TextMethods:
-    """Binds the messages to one machine's service and its checker."""
+    """Handles the messages for one machine's service and its checker."""
 
     def __init__(self, service: MachineService, checker: ProgramChecker, forecast: TextForecast) -> None:
         self._service = service
         self._checker = checker
         self._forecast = forecast
-        # parts are written one at a time
+        # one part is written at a time
         self._writing = asyncio.Lock()
 
     async def put_text(self, _client: str, request: text_wire.PutTextRequest) -> text_wire.PutTextReply:
-        """Take a part of a text; with the last one the programs that run it already are foreseen."""
+        """Store a part of a text; after the last part, forecast programs that already run the text."""
         async with self._writing:
             text = await asyncio.to_thread(
                 self._service.texts.take, request.sha256, request.size, request.offset, request.part
@@ -72,7 +72,7 @@ class TextMethods:
         )
 
     def _start(self, positions: Mapping[str, float] | None, switches: Switches | None) -> StartState:
-        """Return the state of a machine at rest, in the work offsets that are kept, somewhere [mm or deg]."""
+        """Return the state of a machine at rest at given positions [mm or deg], with stored work offsets."""
         machine = self._service.machine
         start = StartState.of(machine, self._service.start_state().frame, switches or AS_WRITTEN)
         return start if positions is None else start.at(positions_in_si(machine, positions))

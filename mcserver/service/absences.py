@@ -1,7 +1,7 @@
-"""Clients that are away: how long each of their programs waits for them.
+"""Track clients that are away, and end their programs after a grace time.
 
-A client's liveliness token goes when it is killed and when its link is cut, which look alike from here. A
-program says at `open` how long its client may be away; a client that ends says so itself (`leave`).
+A client's liveliness token disappears alike when it is killed and when its link is cut. A program sets at
+`open` how long its client may be away; a client that ends says so itself (`leave`).
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from mcserver.service.program import Program
 
 
 class Absences:
-    """Programs whose clients are away, and when they end for it. All of it runs in the loop.
+    """Programs whose clients are away, each with a timer. All methods run in the loop.
 
     Args:
-        end: ends a program as its ``on_disconnect`` says.
+        end: ends a program according to its ``on_disconnect``.
     """
 
     def __init__(self, loop: asyncio.AbstractEventLoop, end: Callable[[Program], None]) -> None:
@@ -25,7 +25,7 @@ class Absences:
         self._waiting: dict[str, tuple[Program, asyncio.TimerHandle]] = {}
 
     def began(self, programs: Iterable[Program]) -> None:
-        """Begin the grace of each: their client's token has gone."""
+        """Start the grace time of programs whose client's token has disappeared."""
         for program in programs:
             if program.grace_s <= 0.0:
                 self._end(program)
@@ -34,12 +34,12 @@ class Absences:
                 self._waiting[program.program] = program, timer
 
     def ended(self, client: str) -> None:
-        """Let a client's programs go on: it is there again."""
+        """Cancel the grace time of a client's programs: it has returned."""
         for name in [name for name, (program, _) in self._waiting.items() if program.client == client]:
             self._waiting.pop(name)[1].cancel()
 
     def forget(self, program: str) -> None:
-        """Drop a program that has ended."""
+        """Remove a program that has ended."""
         waiting = self._waiting.pop(program, None)
         if waiting is not None:
             waiting[1].cancel()

@@ -1,4 +1,4 @@
-"""Acknowledgements out: one a program for all that happened in a turn of the loop."""
+"""Send acknowledgements: at most one per program and turn of the event loop."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from mcserver.service.reports import Ack
 
 
 class AckSender:
-    """Gathers what is to be acknowledged until the loop comes round.
+    """Collects acknowledgements until the next turn of the event loop.
 
     Args:
-        send: takes each acknowledgement.
+        send: called with each acknowledgement.
     """
 
     def __init__(self, send: Callable[[Ack], None]) -> None:
@@ -22,7 +22,7 @@ class AckSender:
         self._due: dict[str, tuple[Program, int]] = {}
 
     def acknowledge(self, program: Program, expected: int = 0) -> None:
-        """Tell how the program stands; ``expected`` answers a gap."""
+        """Acknowledge a program's state; ``expected`` answers a gap."""
         if not self._due:
             self._loop.call_soon(self._flush)
         before = self._due.get(program.program, (program, 0))[1]

@@ -1,4 +1,4 @@
-"""The way to where a line of a program starts: to a safe height, over, down; computed, not driven."""
+"""Plan the approach to a program's start at a line: to a safe height, over, down; without moving."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from mcserver.machine.recovery_section import Recovery
 from mcserver.motion.canonical import MeshUse
 from mcserver.planning.start_state import Awaited, StartState, StateBefore
 
-# Share of an axis's velocity where the machine file gives none.
+# Share of an axis's velocity limit by default.
 SHARE = 0.1
-# Below this an axis is where it is to be [m or rad].
+# Distance below which an axis is at its target [m or rad].
 SAME = 1e-9
 
 Outputs = Literal["set", "leave"]
 
 
 class Confirmation(msgspec.Struct, frozen=True):
-    """What a person has agreed to.
+    """What a person has confirmed.
 
     Attributes:
-        way: that axes go the way that was shown. outputs: to set what the program had switched, or to leave
-            it; None: nothing was said.
+        way: that axes move the way shown. outputs: whether to restore what the program had switched, or to
+            leave it; None: not answered.
     """
 
     way: bool = False
@@ -96,15 +96,14 @@ class Need(msgspec.Struct, frozen=True):
 
 
 class Approach(msgspec.Struct, frozen=True):
-    """How a program comes to its first line.
+    """Approach of a program to its first line.
 
     Attributes:
-        energize: axes that are energized first. axes: all of the program. way: in order; without one the
-            axes are there. switched: what the program had switched otherwise. needs: what has to be answered
-            first.
-        lines: the way as text in machine coordinates. lines_with_outputs: with what is switched too. Both
-            wait for the inputs of ``[dialect.waits]``, ``lines`` only for those whose outputs are as the
-            program had them.
+        energize: axes to energize first. axes: all of the program. way: moves in order; empty if the axes are
+            there. switched: what the program had switched differently. needs: what has to be resolved first.
+        lines: the way as text in machine coordinates. lines_with_outputs: with the switching as well. Both
+            wait for inputs of ``[dialect.waits]``; ``lines`` only for those whose outputs are as the program
+            had them.
     """
 
     energize: tuple[int, ...]
@@ -117,21 +116,21 @@ class Approach(msgspec.Struct, frozen=True):
 
 
 def plan_approach(machine: Machine, state: StateBefore, now: StartState, lease: Iterable[int]) -> Approach:
-    """Plan the way from where the axes are to where they are before a line.
+    """Plan the way from the axes' positions to those before a line.
 
     Args:
-        state: before the line. now: the machine as it is. lease: axes of the program.
+        state: before the line. now: of the machine. lease: axes of the program.
     """
-    # the second drive of a pair goes with its leader
+    # the second drive of a gantry follows its leader
     leased = set(lease).difference(machine.followers)
     moved = state.energized & leased
-    # what turns by itself is not where it was, and G1030 and G1040 energize
+    # axes at a speed or torque have no position to restore, and G1030 and G1040 energize them
     energize = tuple(sorted(moved - state.torques.keys() - state.speeds.keys()))
     free = free_axes(machine)
     known = {axis: state.positions[axis] for axis in energize if axis not in state.unknown | free}
     spindle = machine.dialect.spindle
     if spindle in known:
-        # of M19 the angle counts, not how often the spindle has turned
+        # the spindle's angle after M19 counts, not its turns
         at = now.positions[spindle]
         known[spindle] = at + math.remainder(known[spindle] - at, math.tau)
     starts = []
@@ -155,7 +154,7 @@ def plan_approach(machine: Machine, state: StateBefore, now: StartState, lease: 
     away_known = {each.axis for each in starts if each.away and each.there is not None}
     recovery = machine.recovery
     if recovery is not None and recovery.safe_axis is not None and recovery.safe_axis not in known:
-        # the machine's way leads over an axis that this program does not hold
+        # the program has no known position of the machine's safe axis
         recovery = None
     moves = _moves(recovery, away_known, known)
     switched, switching = _switched(machine, state, now, leased)
@@ -166,7 +165,7 @@ def plan_approach(machine: Machine, state: StateBefore, now: StartState, lease: 
         switching += [f"G04 P{settle:g}", *_waits(machine, state.awaited)]
     else:
         switching = _waits(machine, waiting)
-    # what turns has to turn before the axes go down to the work
+    # a spindle has to turn before the axes move down to the work
     at = len(moves) - 1 if moves and recovery is not None and recovery.safe_axis is not None else 0
     codes: list[str] = []
     with_outputs: list[str] = []
@@ -181,7 +180,7 @@ def plan_approach(machine: Machine, state: StateBefore, now: StartState, lease: 
         place.update(move.targets)
         codes.append(code)
         with_outputs.append(code)
-    # within tolerance, yet increments start from the very place
+    # already within tolerance, but increments start from the exact positions
     rest = {axis: end for axis, end in known.items() if abs(end - place[axis]) > SAME}
     if rest:
         trim = _Move("", rest, rapid=False).code(machine, recovery, place)
@@ -221,7 +220,7 @@ class _Move(msgspec.Struct):
         return WayStep(text, {str(axis): end for axis, end in ends.items()}, self.rapid)
 
     def code(self, machine: Machine, recovery: Recovery | None, place: Mapping[int, float]) -> str:
-        """Return the move as a line in machine coordinates; ``place``: where the axes are before it."""
+        """Return the move as a line in machine coordinates; ``place``: positions before it."""
         words = " ".join(
             f"[{axis}]{end / _axis(machine, axis).type.si_per_unit:.9f}" for axis, end in self.targets.items()
         )
@@ -240,7 +239,7 @@ def _moves(recovery: Recovery | None, away: set[int], known: Mapping[int, float]
     safe = None if recovery is None else recovery.safe_axis
     groups = [set(group) & away for group in recovery.order] if recovery is not None else []
     rest = away - {axis for group in groups for axis in group} - {safe}
-    # without a safe height nothing says what is clear of the work: one at a time, never a diagonal
+    # without a safe height, what is clear of the work is unknown: one axis at a time, never a diagonal
     groups += [rest] if safe is not None else [{axis} for axis in sorted(rest)]
     over = [{axis: known[axis] for axis in sorted(group)} for group in groups if group]
     if safe is None or recovery is None:
@@ -255,7 +254,7 @@ def _moves(recovery: Recovery | None, away: set[int], known: Mapping[int, float]
 def _switched(
     machine: Machine, state: StateBefore, now: StartState, leased: set[int]
 ) -> tuple[list[Switched], list[str]]:
-    """Return what the program had switched on and is not now, and the lines that switch it."""
+    """Return what the program had switched differently, and the lines that restore it."""
     found: list[Switched] = []
     codes: list[str] = []
     for column, output in enumerate(machine.outputs):
@@ -356,7 +355,7 @@ def _needs(
 
 
 def refuse_needs(approach: Approach, *, way: bool, outputs: Outputs | None) -> None:
-    """Refuse what nobody has confirmed yet.
+    """Refuse if something has not been confirmed yet.
 
     Raises:
         ServiceError: MC450, MC517, MC592, MC593, MC594.
@@ -370,7 +369,7 @@ def refuse_needs(approach: Approach, *, way: bool, outputs: Outputs | None) -> N
 
 
 def free_axes(machine: Machine) -> frozenset[int]:
-    """Return axes whose place means nothing beyond a program, such as a printer's extruders."""
+    """Return axes whose position does not matter beyond a program, such as a printer's extruders."""
     dialect = machine.dialect
     if dialect.profile != "printer":
         return frozenset()

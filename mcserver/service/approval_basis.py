@@ -1,4 +1,4 @@
-"""What an approval rests on: all that the simulation read, as a digest, and named where it has changed."""
+"""Basis of an approval: all inputs of its simulation, as a digest, and the names of changed ones."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from mcserver.planning.start_state import StartState, axis_word, changes_between
 from mcserver.service.arming import Extent, RunRequest, ToolExtent
 from mcserver.units import MM
 
-# Two simulations of the same motion differ in speeds and times by less than this share.
+# Speeds and times of two simulations of the same motion differ by less than this share.
 SAME = 1e-3
 
 
 class ApprovalBasis:
-    """What approvals of one machine rest on.
+    """Basis of the approvals of one machine.
 
     Args:
         machine: as its file was read at this start.
@@ -39,10 +39,10 @@ class ApprovalBasis:
         return hashlib.sha256(canonical_bytes(basis)).hexdigest()
 
     def changes(self, run: RunRequest, now: StartState, references: Mapping[int, float]) -> list[str]:
-        """Name what is no longer as it was when a run was simulated; axes may stand a little elsewhere.
+        """Name what has changed since a run was simulated; axes may be within tolerance of their positions.
 
         Args:
-            references: of axes now.
+            references: present ones of axes.
         """
         changed = changes_between(
             self.machine, run.start, now, axes=run.axes, inputs=run.inputs, tolerance=self._tolerance
@@ -52,7 +52,7 @@ class ApprovalBasis:
     def _moved(
         self, before: Mapping[int, float], now: Mapping[int, float], axes: tuple[int, ...]
     ) -> list[str]:
-        """Name axes whose positions are elsewhere: they have got another reference."""
+        """Name axes whose positions differ because of another reference."""
         return [
             f"{axis_word(self.machine, axis)} has another reference"
             for axis in axes
@@ -60,7 +60,7 @@ class ApprovalBasis:
         ]
 
     def beyond(self, approval: RunRequest, run: RunRequest) -> list[str]:
-        """Name what of a run is outside of what was approved for a while; nothing: it stays inside."""
+        """Name what of a run exceeds a standing approval; empty if it stays within."""
         within, asked = approval.envelope, run.envelope
         if within is None or asked is None:
             return ["it has no envelope"]
@@ -107,7 +107,7 @@ class ApprovalBasis:
         return found
 
     def envelope(self, run: RunRequest, now: StartState) -> Envelope | None:
-        """Return what the executor holds a run within that begins now."""
+        """Return the envelope that the executor enforces on a run that begins now."""
         if run.envelope is None:
             return None
         axes = [axis.index for axis in self.machine.axes]
@@ -125,7 +125,7 @@ def server_version() -> str:
 
 
 def extents_of(machine: Machine, envelope: Envelope, axes: tuple[int, ...]) -> tuple[Extent, ...]:
-    """Return what a person is shown of the axes of a run, in mm and degrees."""
+    """Return the extents of a run's axes for people, in mm and degrees."""
     found = []
     for axis in axes:
         column = machine.column_of(axis)
@@ -138,7 +138,7 @@ def extents_of(machine: Machine, envelope: Envelope, axes: tuple[int, ...]) -> t
 
 
 def tools_of(envelope: Envelope) -> tuple[ToolExtent, ...]:
-    """Return what a person is shown of the tools of a run, in mm."""
+    """Return the extents of a run's tools for people, in mm."""
     return tuple(
         ToolExtent(
             tip.tool, [each / MM for each in tip.low], [each / MM for each in tip.high], tip.speed / MM

@@ -1,9 +1,9 @@
-"""Programs that are asked for and that an operator has to arm: this very text, once, for a limited time.
+"""Requests for runs that an operator has to arm: one text, once, for a limited time.
 
-A request moves nothing. It keeps the text, the state that its simulation began in, and the envelope that it
-was seen to stay within. An operator arms it by the text's hash; then the one who asked may start it, with
-the same text, once, before the time is over and from the same state; the executor holds the run within its
-envelope. Pure bookkeeping: the clock is passed in.
+A request moves nothing. It stores the text, the initial state of its simulation, and the envelope of the
+simulated motion. An operator arms it by the text's hash; then the requesting client may start it once, with
+the same text, before the time is over and from the same state; the executor enforces the envelope. Pure
+bookkeeping: the clock is passed in.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ from mcserver.executor.envelope_bounds import Envelope
 from mcserver.planning.start_state import StartState
 from mcserver.service.reports import WireDiagnostic
 
-MAX_REQUESTS = 16  # waiting or armed at once, of all clients; as many that are over are shown
+MAX_REQUESTS = 16  # waiting or armed at once, of all clients; the same number of past ones is shown
 CLIENT_REQUESTS = 4
 MAX_TEXT = 256 * 1024  # characters
-WAIT_S = 3600.0  # a request that nobody arms is forgotten after this time
+WAIT_S = 3600.0  # a request that is not armed is removed after this time
 MAX_ARMED_S = 3600.0
-MAX_STANDING_S = 3600.0  # an approval for a while ends after this time
-WITHIN_S = 60.0  # a run inside of such an approval may be started so long
-SHOWN_REJECTED_S = 600.0  # a rejection is kept so long for who asked
-LEAST_HASH = 8  # hexadecimal digits that name a text
-MOST_NAMED = 8  # changes that a refusal names
-MOST_WARNINGS = 50  # that an operator is shown
-MAX_REASON = 500  # characters of a rejection
+MAX_STANDING_S = 3600.0  # longest standing approval
+WITHIN_S = 60.0  # time to start a run armed by a standing approval
+SHOWN_REJECTED_S = 600.0  # time for which the client can read a rejection
+LEAST_HASH = 8  # fewest hexadecimal digits that identify a text
+MOST_NAMED = 8  # most changes that a refusal names
+MOST_WARNINGS = 50  # most warnings shown to an operator
+MAX_REASON = 500  # most characters of a rejection's reason
 
 
 class RunState(enum.Enum):
-    """Where a request stands."""
+    """State of a request."""
 
     WAITING = "waiting"
     ARMED = "armed"
@@ -44,7 +44,7 @@ class RunState(enum.Enum):
     REJECTED = "rejected"
 
 
-# of these a run may still come
+# states in which a run may still start
 OPEN = frozenset({RunState.WAITING, RunState.ARMED})
 
 
@@ -99,23 +99,22 @@ class RunRequest(msgspec.Struct, frozen=True):
     """A program that waits for an operator.
 
     Attributes:
-        number: of the request; asked for anew, the same text has another one.
-        path: as it was simulated.
-        client: who asked and alone may start it. sha256: of the text in UTF-8.
-        axes: the only axes that it may move.
-        start: all that the simulation began from besides text and machine. inputs: columns that it reads.
-        references: of axes, as of `MachineService.references`: where its positions are.
-        envelope: extents, speeds and duration, without tolerances. effects: what it leaves changed, in words.
-        digest: SHA-256 over all that the simulation read.
+        number: of the request; a repeated request for the same text gets another one.
+        path: as simulated.
+        client: that made it, and alone may start it. sha256: of the text in UTF-8.
+        axes: that it may move.
+        start: inputs of the simulation besides text and machine. inputs: columns that it reads.
+        references: of axes, as of `MachineService.references`, on which its positions are based.
+        envelope: extents, speeds and duration, without tolerances. effects: lasting changes, in words.
+        digest: SHA-256 over all inputs of the simulation.
         until: end of the wait, or of the arming [s of the clock].
-        override: the greatest feed override that the operator allows, 1 as programmed.
-        operator: who armed it, or rejected it. reason: why it was rejected.
-        outputs: of each output the least and the greatest value.
-        certifiable: what ``mcserver certify`` signs of it, JSON.
-        warnings: of its check and simulation, `MOST_WARNINGS` at the most; unshown: how many more there were.
-        approval: hash of the approval for a while that has armed it. servo: such an approval is of streamed
-            targets too. beyond: what of it is outside of the one
-            that its client has, in words.
+        override: greatest feed override that the operator allows, 1 as programmed.
+        operator: who armed or rejected it. reason: of the rejection.
+        outputs: least and greatest value of each output.
+        certifiable: what ``mcserver certify`` signs, JSON.
+        warnings: of its check and simulation, at most `MOST_WARNINGS`; unshown: count of further ones.
+        approval: hash of the standing approval that armed it. servo: such an approval also covers streamed
+            targets. beyond: what of it exceeds the standing approval of its client, in words.
     """
 
     client: str
@@ -148,9 +147,9 @@ class RunRequest(msgspec.Struct, frozen=True):
     unshown: int = 0
 
 
-# names what is no longer as it was when a run was simulated
+# names what has changed since a run was simulated
 Changes = Callable[[RunRequest], list[str]]
-# names what of a run, the second one, is outside of an approval
+# names what of the second run exceeds the approval of the first
 Beyond = Callable[[RunRequest, RunRequest], list[str]]
 
 
@@ -160,12 +159,12 @@ def hash_of(text: str) -> str:
 
 
 def user_of(client: str) -> str:
-    """Return the user of a client id: what stands before its first dot."""
+    """Return the user of a client id: the part before its first dot."""
     return client.partition(".")[0]
 
 
 class Arming:
-    """The requests of one machine.
+    """Requests for runs of one machine.
 
     Args:
         clock: monotonic [s].
@@ -174,23 +173,22 @@ class Arming:
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
         self._requests: dict[str, RunRequest] = {}
-        # what operators have approved for a while, as they have looked at it, by hash; until: its end
+        # by hash: standing approvals, with the run that the operator saw; until: end of the approval
         self._approvals: dict[str, RunRequest] = {}
         self._numbers = itertools.count(1)
 
     def requests(self) -> list[RunRequest]:
-        """Return what waits, is armed, or was started lately; the oldest first."""
+        """Return requests that wait, are armed, or have just been started; the oldest first."""
         self._forget()
         return list(self._requests.values())
 
     def approvals(self) -> list[RunRequest]:
-        """Return what operators have approved for a while; the oldest first."""
+        """Return the standing approvals; the oldest first."""
         self._forget()
         return list(self._approvals.values())
 
     def arm_within(self, request: RunRequest, beyond: Beyond) -> RunRequest:
-        """Arm a request that stays inside of what an operator has approved for a while to its client; else
-        note what is outside."""
+        """Arm a request if it stays within a standing approval of its client; else note what exceeds it."""
         self._forget()
         outside: list[str] = []
         for approval in self._approvals.values():
@@ -212,7 +210,7 @@ class Arming:
         return request
 
     def approved_targets(self, client: str, axes: AbstractSet[int]) -> RunRequest:
-        """Return the approval for a while inside of which a client may stream targets to axes.
+        """Return the standing approval under which a client may stream targets to axes.
 
         Raises:
             ServiceError: MC608 there is none.
@@ -228,7 +226,7 @@ class Arming:
         )
 
     def check_room(self, client: str, text: str) -> None:
-        """Refuse a request that cannot be kept.
+        """Refuse a request for which there is no room.
 
         Raises:
             ServiceError: MC574 too many wait, or the text is too long.
@@ -244,7 +242,7 @@ class Arming:
             raise Refused("MC574", "too many requests wait for an operator", "withdraw one, or wait")
 
     def request(self, wanted: RunRequest) -> RunRequest:
-        """Keep a request; a repeated one waits for an operator anew.
+        """Add a request; a repeated one waits for an operator again.
 
         Raises:
             ServiceError: MC573 another client waits with the same text; MC574 as `check_room`.
@@ -272,7 +270,7 @@ class Arming:
         return kept
 
     def find(self, sha256: str) -> RunRequest:
-        """Return the request whose text has this hash, whatever its state.
+        """Return the request with this hash of its text, in whatever state.
 
         Args:
             sha256: of the text, or at least its first 8 digits.
@@ -298,16 +296,16 @@ class Arming:
 
         Args:
             sha256: of the text, or at least its first 8 digits.
-            seconds: how long it may be started.
-            override: the greatest feed override, 1 as programmed.
-            number: of the request that the operator has looked at; None: whichever waits.
-            standing: how long whatever else its client asks for, and stays inside of it, is armed too [s].
-            servo: as long its client may stream targets inside of it.
-            changes: names what is no longer as it was when the simulation began.
+            seconds: time in which it may be started.
+            override: greatest feed override, 1 as programmed.
+            number: of the request that the operator has seen; None: the one that waits.
+            standing: duration of a standing approval [s], for requests of its client that stay within it.
+            servo: the standing approval also allows targets streamed within it.
+            changes: names what has changed since the simulation began.
 
         Raises:
-            ServiceError: MC570 nothing waits with this hash, or it was asked for anew; MC572 what it rests on
-                has changed; MC574 too many approvals; MC575 who asked may not arm.
+            ServiceError: MC570 no request with this hash waits, or it was made again; MC572 its basis has
+                changed; MC574 too many approvals; MC575 the requesting user may not arm.
         """
         self._forget()
         request = _only([each for each in self._matching(sha256) if each.state is RunState.WAITING], sha256)
@@ -333,11 +331,12 @@ class Arming:
         return armed
 
     def reject(self, operator: str, sha256: str, reason: str, *, number: int | None = None) -> RunRequest:
-        """Say no to a request that has not been started; who asked finds the reason in it for a while. An
-        approval for a while that was given with it ends.
+        """Reject a request that has not been started, with a reason for its client to read.
+
+        Ends a standing approval that was given with it.
 
         Raises:
-            ServiceError: MC570 nothing waits with this hash, or it was asked for anew.
+            ServiceError: MC570 no request with this hash waits, or it was made again.
         """
         request = self._end_approval(sha256) or self._undecided(sha256, number)
         rejected = msgspec.structs.replace(
@@ -351,7 +350,7 @@ class Arming:
         return rejected
 
     def withdraw(self, client: str, sha256: str) -> RunRequest:
-        """Forget a request that has not been started, for its own user.
+        """Remove a request that has not been started, for its own user.
 
         Raises:
             ServiceError: MC570 nothing waits with this hash; MC573 another user's.
@@ -364,7 +363,7 @@ class Arming:
         return request
 
     def _end_approval(self, sha256: str) -> RunRequest | None:
-        """End an approval for a while; what it has armed waits for an operator again."""
+        """End a standing approval; requests that it has armed wait for an operator again."""
         found = [
             sha for sha in self._approvals if len(sha256) >= LEAST_HASH and sha.startswith(sha256.lower())
         ]
@@ -376,7 +375,7 @@ class Arming:
         return self._approvals.pop(found[0])
 
     def client_gone(self, client: str) -> list[RunRequest]:
-        """Forget the requests of a client that is no longer alive; return those that could have started."""
+        """Remove the requests of a client that has disappeared; return those that could have started."""
         gone = [each for each in self._requests.values() if each.client == client]
         for each in gone:
             del self._requests[each.sha256]
@@ -384,7 +383,7 @@ class Arming:
         return [each for each in gone if each.state in OPEN]
 
     def disarm(self) -> None:
-        """Take every arming back, and every approval for a while, as after an emergency stop."""
+        """Revoke all armings and standing approvals, as after an emergency stop."""
         self._approvals.clear()
         for sha, request in self._requests.items():
             if request.state is RunState.ARMED:
@@ -397,15 +396,15 @@ class Arming:
         busy: AbstractSet[int],
         changes: Changes,
     ) -> RunRequest:
-        """Use an arming up and return it.
+        """Use up an arming, and return its request.
 
         Args:
             busy: axes that another program moves.
-            changes: names what is no longer as it was when the simulation began.
+            changes: names what has changed since the simulation began.
 
         Raises:
-            ServiceError: MC571 not armed, or no longer; MC572 what it rests on has changed; MC573 another
-            client's; MC576 rejected.
+            ServiceError: MC571 not armed, or no longer; MC572 its basis has changed; MC573 another client's;
+                MC576 rejected.
         """
         self._forget()
         request = self._requests.get(hash_of(text))
@@ -447,7 +446,7 @@ class Arming:
         ]
 
     def _forget(self) -> None:
-        """Drop what is over: an arming that ran out leaves nothing that could still be started."""
+        """Remove what is over, so that nothing of an expired arming can be started."""
         now = self._clock()
         for kept in (self._requests, self._approvals):
             for sha in [sha for sha, request in kept.items() if now >= request.until]:
@@ -455,10 +454,10 @@ class Arming:
 
 
 def refuse_changed(changed: list[str]) -> None:
-    """Refuse a run of which something is no longer as it was simulated.
+    """Refuse a run whose basis has changed since its simulation.
 
     Raises:
-        Refused: MC572 it names what.
+        Refused: MC572, naming the changes.
     """
     if changed:
         raise Refused(
@@ -469,7 +468,7 @@ def refuse_changed(changed: list[str]) -> None:
 
 
 def _refuse_other(request: RunRequest, number: int | None) -> None:
-    """Refuse what was asked for anew since somebody has looked at it."""
+    """Refuse a request that was made again since the operator has seen it."""
     if number is not None and number != request.number:
         raise Refused("MC570", "the run was asked for anew, perhaps from elsewhere", "look at it again first")
 

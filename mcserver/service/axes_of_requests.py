@@ -1,4 +1,4 @@
-"""Axes and positions as requests name them, checked against the machine."""
+"""Check axes and positions in requests against the machine."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from mcserver.machine.machine_file import Axis, Machine
 
 
 def axes_of(machine: Machine, axes: Sequence[int] | None) -> tuple[int, ...]:
-    """Return the axes that a request names, ascending and each once; without any, all of the machine.
+    """Return the axes of a request, ascending and unique; by default all of the machine.
 
     Raises:
         ServiceError: MC507 the list is empty, or the machine has no such axis.
@@ -27,14 +27,14 @@ def axes_of(machine: Machine, axes: Sequence[int] | None) -> tuple[int, ...]:
                 f"it has {', '.join(map(str, known))}",
                 axis=axis,
             )
-    # the two drives of a gantry pair have one lease
+    # the two drives of a gantry have one lease
     pairs = {frozenset(pair) for pair in machine.followers.items()}
     both = {each for pair in pairs if pair & set(axes) for each in pair}
     return tuple(sorted(both | set(axes)))
 
 
 def axis_of(machine: Machine, index: int) -> Axis:
-    """Return the axis that a request names.
+    """Return the axis of a request.
 
     Raises:
         ServiceError: MC507 no such axis.
@@ -46,7 +46,7 @@ def axis_of(machine: Machine, index: int) -> Axis:
 
 
 def positions_in_si(machine: Machine, positions: Mapping[str, float]) -> dict[int, float]:
-    """Return positions by axis number as text [mm, deg], in SI.
+    """Convert positions [mm, deg] by axis number as text to SI.
 
     Raises:
         ServiceError: MC507 no such axis.

@@ -1,4 +1,4 @@
-"""Homing and probing in the machine's events: which axes are homed, and what a probe has met."""
+"""Publish homing and probing as events: which axes are homed, and where a probe tripped."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ PHASES = MappingProxyType(
 
 
 class AxisReports:
-    """Publish how axes are homed and what a probe has met.
+    """Publishes homing and probing.
 
     Args:
-        axes: of the machine, in the order of its columns. references: are kept when an axis is homed. events:
-            published to.
+        axes: of the machine, in the order of its columns. references: updated when an axis is homed. events:
+            to publish to.
 
     Attributes:
-        probe: how the last probing move ended; None: there was no such move.
-        offsets: of axes that have got a reference at this start, position less encoder reading [m or rad].
+        probe: result of the last probing move; None before the first.
+        offsets: of axes that got a reference since this start, position less encoder reading [m or rad].
         mesh: what holds of the mesh of the bed.
     """
 
@@ -59,10 +59,10 @@ class AxisReports:
         return "probed" if MeshUse.MET in self.mesh else "file"
 
     def handle(self, event: ExecutorEvent, program: str | None) -> bool:
-        """Take an event of an axis by itself; False where it is of another kind.
+        """Handle an event of a single axis; return False for other kinds.
 
         Args:
-            program: the id of the program that the event belongs to.
+            program: id of the event's program.
         """
         if event.kind is EventKind.PROBED:
             self._probed(event, program)

@@ -1,4 +1,4 @@
-"""The machine's inputs and outputs for clients: values, who has set them, and setting them."""
+"""Inputs and outputs for clients: values, who set them, and setting them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Channels:
     """Inputs and outputs of one machine.
 
     Args:
-        program_in: gives the id of the program in an executor's slot.
+        program_in: returns the id of the program in a program slot.
     """
 
     def __init__(self, machine: Machine, port: ExecutorPort, program_in: Callable[[int], str | None]) -> None:
@@ -30,14 +30,14 @@ class Channels:
         self._program_in = program_in
 
     def inputs(self, snapshot: Snapshot) -> list[InputStatus]:
-        """Return every input's state in a cycle."""
+        """Return the state of every input in a cycle."""
         return [
             InputStatus(each.name, value, holds=each.holds(value), stops=each.stops(value))
             for each, value in zip(self._machine.inputs, snapshot.inputs, strict=False)
         ]
 
     def outputs(self, snapshot: Snapshot) -> list[OutputStatus]:
-        """Return every output's state in a cycle."""
+        """Return the state of every output in a cycle."""
         return [
             OutputStatus(each.name, value, self._setter(owner))
             for each, value, owner in zip(
@@ -46,11 +46,11 @@ class Channels:
         ]
 
     def holding(self) -> list[str]:
-        """Return the names of the inputs that hold the programs now."""
+        """Return the names of the inputs that now hold the programs."""
         return self._interlocks(lambda each, value: each.holds(value))
 
     def switching(self, switch: int | None) -> list[str]:
-        """Return the name of the input that has zones on now, by its place in `Clearance.switches`."""
+        """Return the name of the input that now switches on zones, by its index in `Clearance.switches`."""
         if switch is None:
             return []
         column, high = switches_of(self._machine)[switch]
@@ -58,14 +58,14 @@ class Channels:
         return [self._machine.inputs[column].name] if on else []
 
     def stopping(self) -> list[str]:
-        """Return the names of the inputs that stop the machine now."""
+        """Return the names of the inputs that now stop the machine."""
         return self._interlocks(lambda each, value: each.stops(value))
 
     def refuse_interlocked(self, names: Sequence[str], then: str) -> None:
-        """Refuse what an input forbids.
+        """Refuse what an interlock forbids.
 
         Args:
-            names: of the inputs that forbid it. then: what to do once they do so no more.
+            names: of the inputs that forbid it. then: what to do once they no longer do.
 
         Raises:
             ServiceError: MC443.
@@ -83,8 +83,8 @@ class Channels:
         """Set an output.
 
         Raises:
-            ServiceError: MC445 no channel has that name, or it cannot have this value; MC446 a running
-                program has set it, or it is a laser.
+            ServiceError: MC445 unknown channel, or a value that it cannot have; MC446 a running program has
+                set it, or it is a laser.
         """
         column, output = self._find(self._machine.outputs, name, "output")
         level = _level(output, value)
@@ -118,7 +118,7 @@ class Channels:
         """Set a simulated input.
 
         Raises:
-            ServiceError: MC445 no channel has that name, or it cannot have this value; MC446 it is real.
+            ServiceError: MC445 unknown channel, or a value that it cannot have; MC446 it is not simulated.
         """
         column, channel = self._find(self._machine.inputs, name, "input")
         level = _level(channel, value)

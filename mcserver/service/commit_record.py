@@ -1,9 +1,9 @@
-"""How far a journal was written: a small file beside it, which outlives what damage takes of the journal.
+"""Record how far a journal was written, in a small file beside it that survives damage to the journal.
 
-SQLite ends its reading of a write-ahead log at the first damaged frame, or at the log's end, as after a write
-that was cut short: whatever was committed behind it is gone without a word, and so it is with a log that is
-missing. So each transaction counts itself in the database, and here. A database that has counted less than
-this file has lost transactions. The ids of the last programs stand here too, for those that it has lost.
+SQLite stops reading a write-ahead log at the first damaged frame, or at the log's end after a truncated
+write: later commits are lost silently, as they are if the log is missing. So each transaction is counted in
+the database, and here. A database with a lower count than this file has lost transactions. The file also has
+the ids of the last programs, to name those that were lost.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import msgspec
 from mcserver.errors import ServiceError
 
 KEPT_PROGRAMS = 200
-# boot id, transactions committed, those of them that are known to be on the disk, CRC-32 of these
+# boot id, committed transactions, count of those known to be on disk, CRC-32 of these
 _HEAD = struct.Struct("<16sQQI")
 _SUMMED = struct.Struct("<16sQQ")
 _PROGRAMS_AT = 64
@@ -29,11 +29,11 @@ _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 
 
 class CommitCount(msgspec.Struct, frozen=True):
-    """What the file says.
+    """Content of the file.
 
     Attributes:
-        committed: transactions. synced: those that the disk had.
-        same_boot: no power cut can have taken any of them.
+        committed: count of transactions. synced: count of those on disk.
+        same_boot: no power cut can have lost any of them.
         programs: ids of the last ones opened, oldest first.
     """
 
@@ -44,17 +44,17 @@ class CommitCount(msgspec.Struct, frozen=True):
 
     @property
     def least(self) -> int:
-        """How many transactions a sound journal has at least."""
+        """Fewest transactions that an intact journal has."""
         return self.committed if self.same_boot else self.synced
 
 
 def commit_record_path(journal: Path) -> Path:
-    """Return where the record of a journal is."""
+    """Return the path of a journal's record."""
     return Path(f"{journal}-commits")
 
 
 def read_commit_record(journal: Path) -> CommitCount | None:
-    """Read the record of a journal; None: there is none, or it cannot be read."""
+    """Read the record of a journal; None if it is missing or unreadable."""
     try:
         content = commit_record_path(journal).read_bytes()
         boot, committed, synced, checksum = _HEAD.unpack_from(content)
@@ -71,11 +71,11 @@ def read_commit_record(journal: Path) -> CommitCount | None:
 
 
 class CommitRecord:
-    """Keeps the record of a journal that is being written.
+    """Maintains the record of a journal that is being written.
 
     Args:
         journal: the database's file.
-        committed: transactions that it has counted. gone: programs that it has no more.
+        committed: transactions in it. gone: programs that are no longer in it.
 
     Raises:
         OSError: it cannot be written.
@@ -86,7 +86,7 @@ class CommitRecord:
         self._programs = [each for each in found.programs[-KEPT_PROGRAMS:] if each not in gone]
         self._boot = _boot_id()
         self._committed = self._synced = committed
-        # who commits and who syncs are two threads
+        # commits and syncs are noted by two threads
         self._writing = threading.Lock()
         flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC
         self._file = os.open(commit_record_path(journal), flags, 0o600)
@@ -102,26 +102,26 @@ class CommitRecord:
             with contextlib.suppress(OSError):
                 self._write_programs()
             return
-        # a full disk keeps the journal from being written too
+        # a full disk prevents writing the journal, too
         with contextlib.suppress(OSError):
             self._end += os.pwrite(self._file, _line_of(program), self._end)
 
     def committed(self, number: int) -> None:
-        """Note how many transactions are committed."""
+        """Note the count of committed transactions."""
         with self._writing:
             self._committed = number
             with contextlib.suppress(OSError):
                 self._write_head()
 
     def synced(self, number: int) -> None:
-        """Note how many of them the disk has."""
+        """Note the count of transactions on disk."""
         with self._writing:
             self._synced = number
             with contextlib.suppress(OSError):
                 self._write_head()
 
     def close(self) -> None:
-        """Write no more. Safe to call twice."""
+        """Close the file. May be called twice."""
         with self._writing:
             file, self._file = self._file, -1
         if file >= 0:
@@ -139,7 +139,7 @@ class CommitRecord:
 
 
 def open_commit_record(journal: Path, committed: int) -> CommitRecord:
-    """Keep the record of a journal that has counted so many transactions.
+    """Open the record of a journal with this count of transactions.
 
     Raises:
         ServiceError: MC520 it cannot be written.
@@ -158,7 +158,7 @@ def _line_of(program: str) -> bytes:
 
 
 def _boot_id() -> bytes:
-    """Return what is another one after each start of the computer; zeros where it is not known."""
+    """Return an id that changes with each boot of the computer; zeros if unknown."""
     try:
         return bytes.fromhex(_BOOT_ID.read_text("ascii").strip().replace("-", ""))
     except (OSError, ValueError):

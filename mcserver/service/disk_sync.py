@@ -1,4 +1,4 @@
-"""What was committed reaches the disk, in a thread of its own: no commit waits for a sync or a checkpoint."""
+"""Sync commits to disk in a separate thread, so that no commit waits for a sync or a checkpoint."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ CHECKPOINT_PERIOD_S = 5.0
 
 
 class DiskSync:
-    """Syncs a database's write-ahead log, and brings the log into the database.
+    """Syncs a database's write-ahead log, and checkpoints it into the database.
 
     Args:
-        path: the database, which is open in WAL mode.
-        on_sync: called before each sync in this thread; what it returns is called after one that succeeded.
+        path: of the database, which is open in WAL mode.
+        on_sync: called in this thread before each sync; its result is called after a successful one.
 
     Raises:
         ServiceError: MC520 it cannot be opened a second time.
@@ -34,9 +34,9 @@ class DiskSync:
         self._closing = threading.Event()
         try:
             self._connection = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
-            # a checkpoint syncs the log before and the database behind it, as outlasting a power cut asks for
+            # a checkpoint syncs the log before it and the database after it, as needed to survive a power cut
             self._connection.execute("PRAGMA synchronous=NORMAL")
-            # opens the log too
+            # also opens the log
             self._connection.execute("PRAGMA user_version").fetchone()
             self._log = os.open(f"{path}-wal", os.O_RDONLY | os.O_CLOEXEC)
         except (sqlite3.Error, OSError) as error:
@@ -48,16 +48,16 @@ class DiskSync:
 
     @property
     def lasts_s(self) -> float:
-        """For how long the work under way has lasted [s]; 0: there is none."""
+        """Duration of the present sync or checkpoint so far [s]; 0 without one."""
         since = self._since
         return 0.0 if since is None else time.monotonic() - since
 
     def committed(self) -> None:
-        """Sync within `SYNC_PERIOD_S`; from any thread."""
+        """Schedule a sync within `SYNC_PERIOD_S`; from any thread."""
         self._wanted.set()
 
     def close(self, timeout_s: float) -> None:
-        """Sync what is left and close; who commits has closed before, so that this is the last checkpoint."""
+        """Sync the rest and close; after the writer has closed, so that this is the last checkpoint."""
         self._closing.set()
         self._wanted.set()
         self._thread.join(timeout_s)

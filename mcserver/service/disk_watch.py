@@ -1,6 +1,6 @@
-"""Says when the disk under the journal is slow.
+"""Warn when the disk under the journal is slow.
 
-What programs have done is said later then, or a power cut would take more.
+Then progress of programs is reported later, or a power cut would lose more of it.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ log = logging.getLogger(__name__)
 LOOK_S = 0.25
 # A commit takes milliseconds, a sync of a disk that is not busy some tens [s].
 SLOW_S = 1.0
-# A disk that was slow keeps up again when it has not been slow for so long [s].
+# A disk that was slow is recovered once it has not been slow for this time [s].
 KEEPS_UP_S = 10.0
 
 
 class DiskWatch:
-    """Look at the journal's disk now and then.
+    """Checks the journal's disk periodically.
 
     Args:
-        loop: in which it looks. clock: Unix time [s].
-        events: take a warning MC524 when the disk becomes slow, and one when it keeps up again.
+        loop: in which it runs. clock: Unix time [s].
+        events: get a warning MC524 when the disk becomes slow, and another when it has recovered.
 
     Attributes:
-        status: how slow it is; None: it keeps up.
+        status: how slow the disk is; None: not slow.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class DiskWatch:
         self._timer: asyncio.TimerHandle | None = None
 
     def start(self) -> None:
-        """Look from now on, until `stop`."""
+        """Check periodically, until `stop`."""
         self.look()
         self._timer = self._loop.call_later(LOOK_S, self.start)
 
@@ -58,7 +58,7 @@ class DiskWatch:
             self._timer.cancel()
 
     def look(self) -> None:
-        """Look once."""
+        """Check once."""
         now, before = self._clock(), self.status
         commit_s, sync_s = self._journal.commit_s, self._journal.sync_s
         slowest = max(commit_s, sync_s)

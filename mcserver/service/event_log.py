@@ -1,4 +1,4 @@
-"""Numbered events: published once, and kept for whoever missed them."""
+"""Number and publish events, and keep them for clients that missed some."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ KEPT = 2000
 
 
 class EventLog:
-    """Numbers events without a gap from 1 on.
+    """Numbers events from 1 on without gaps.
 
     Args:
-        instance: this start of the server.
+        instance: id of this start of the server.
         time: executor time, and UTC.
-        publish: takes each event at once.
+        publish: called with each event at once.
     """
 
     def __init__(self, instance: str, time: Timebase, publish: Callable[[Event], None]) -> None:
@@ -33,8 +33,8 @@ class EventLog:
         self._kept: deque[Event] = deque(maxlen=KEPT)
 
     def publish(self, kind: EventKind, **values: Any) -> Event:
-        """Numbers, keeps and publishes an event; ``values`` are the fields of `Event`."""
-        # a clock that was set says so by an event of its own, before this one is numbered
+        """Number, keep and publish an event; ``values`` are the fields of `Event`."""
+        # reading the time may publish an event that the clock was set, which has to be numbered first
         epoch, t = self._time.epoch, self._time.now()
         self.newest += 1
         event = Event(seq=self.newest, t=t, wall=epoch + t, instance=self._instance, kind=kind, **values)
@@ -43,7 +43,7 @@ class EventLog:
         return event
 
     def repeat(self, event: Event) -> None:
-        """Publish an event again under its number; who has had it knows that by the number."""
+        """Publish an event again under its number, by which clients recognize it."""
         self._publish(event)
 
     def _clock_was_set(self, step_s: float) -> None:
@@ -57,6 +57,6 @@ class EventLog:
         return self._kept[0].seq if self._kept else self.newest + 1
 
     def since(self, number: int, limit: int) -> list[Event]:
-        """Up to ``limit`` kept events from ``number`` on, oldest first."""
+        """Return up to ``limit`` kept events from ``number`` on, oldest first."""
         skip = max(0, number - self.oldest)
         return [event for index, event in enumerate(self._kept) if index >= skip][:limit]

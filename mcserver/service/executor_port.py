@@ -1,4 +1,4 @@
-"""The executor as the service sees it: a port over its rings and mailbox."""
+"""The service's interface to the executor, over its rings and mailbox."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from mcserver.machine.machine_file import Machine
 from mcserver.service.reports import AxisState
 
 Array = NDArray[np.float64]
-# by `AxisCondition`
+# index: value of `AxisCondition`
 _STATES: tuple[AxisState, ...] = get_args(AxisState)
 
 
@@ -42,13 +42,13 @@ class Cycles(msgspec.Struct, frozen=True):
 
 
 class Snapshot(msgspec.Struct, frozen=True):
-    """The machine in its newest cycle, in SI; K numbers each: of so few, plain ones are quicker than arrays.
+    """State of the machine in its newest cycle, in SI; sequences of K numbers: for so few faster than arrays.
 
     Attributes:
-        inputs, outputs: in the order of the machine's model. owners: who has set each output last, as
-            `mcserver.executor.io_bank` has it.
-        homed: whether each axis knows where it is. turning: whether each axis is commanded a speed.
-        silent: whether each axis's drive does not answer: its values are old.
+        inputs, outputs: in the order of the machine's model. owners: who set each output last, as in
+            `mcserver.executor.io_bank`.
+        homed: whether each axis knows its position. turning: whether each axis is commanded a speed.
+        silent: whether each axis's drive does not answer, so that its values are old.
     """
 
     time: float
@@ -67,9 +67,9 @@ class Snapshot(msgspec.Struct, frozen=True):
 
 
 class ExecutorPort:
-    """Commands to one machine's executor and reports from it.
+    """Commands to one machine's executor, and reports from it.
 
-    `orders` may be given, and what only reads may be called, from any thread; all else belongs to the loop.
+    The command mailbox and reading methods may be used from any thread, everything else only in the loop.
 
     Args:
         machine: its axes, in the order of the executor's columns.
@@ -100,8 +100,8 @@ class ExecutorPort:
         """Empty the slot's rings and start its time axis at 0.
 
         Args:
-            ratio: the override. unhomed: the program may move axes that are not homed.
-            controls: all of a program that needs no planner. envelope: what it has to stay within.
+            ratio: of the feed override. unhomed: the program may move axes that are not homed.
+            controls: the whole of a program without planner. envelope: to enforce.
         """
         sink = self._executor.open_slot(
             slot, self._mask(axes), override=ratio, hold=held, unhomed=unhomed, envelope=envelope
@@ -111,15 +111,15 @@ class ExecutorPort:
 
     @property
     def orders(self) -> CommandMailbox:
-        """Orders to the slots' programs and to the machine."""
+        """Mailbox of commands for program slots and the machine."""
         return self._executor.mailbox
 
     def targets(self, slot: int) -> TargetBox:
-        """Return where the newest targets of the slot's axes are put."""
+        """Return the box for the newest targets of the slot's axes."""
         return self._executor.sink(slot).targets
 
     def slots(self) -> list[SlotView]:
-        """Return where every slot's program is now."""
+        """Return the present state of every slot's program."""
         return [SlotView(u, rate) for u, rate, *_ in self._executor.history.newest_slots()]
 
     def reset(self, axes: frozenset[int]) -> None:
@@ -151,12 +151,12 @@ class ExecutorPort:
         )
 
     def cycles_since(self, cycle: int, limit: int) -> Cycles | None:
-        """Up to ``limit`` cycles from number ``cycle`` on, or later where these are gone; None: none yet."""
+        """Return up to ``limit`` cycles from ``cycle`` on, or later if these are gone; None: none yet."""
         history = self._executor.history
         if cycle < 0:
             cycle = max(0, history.written - limit)
         if history.written - cycle < limit:
-            # a whole message or none
+            # only whole messages
             return None
         first, rows = history.since(cycle, limit)
         if len(rows) == 0:
@@ -171,12 +171,12 @@ class ExecutorPort:
         )
 
     def ended(self, slot: int) -> bool:
-        """Return whether the program that was begun last in the slot has come to its end and to rest."""
+        """Return whether the last program in the slot has ended and is at rest."""
         shown = self._executor.feedback.slots[slot]
         return shown.state.free and shown.generation == self._executor.mailbox.slot_orders(slot).generation
 
     def ending(self) -> str:
-        """Return how the executor came to its end, for a message; empty while it runs."""
+        """Return how the executor ended, for a message; empty while it runs."""
         return self._executor.ending
 
     def alive(self) -> bool:

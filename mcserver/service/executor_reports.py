@@ -1,4 +1,4 @@
-"""Carry out the executor's events on the programs of a machine: lines, pauses, holds, faults."""
+"""Apply the executor's events to the programs of a machine: lines, pauses, holds, faults."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 
 
 class ExecutorReports:
-    """Take the executor's events for the programs of a table."""
+    """Handles the executor's events for the programs of a table."""
 
     def __init__(self, machine: Machine, table: ProgramTable) -> None:
         self._table = table
         self._inputs = [each.name for each in machine.inputs]
         self._outputs = [each.name for each in machine.outputs]
-        # inputs that hold the programs now, by column
+        # columns of the inputs that now hold the programs
         self._holding: set[int] = set()
 
     @property
@@ -40,10 +40,10 @@ class ExecutorReports:
         if self._table.axis_reports.handle(event, None if program is None else program.program):
             return
         if program is None or event.time < program.begun:
-            # of the program that was in the slot before, whose end was seen without this
+            # of the slot's previous program, whose end was found without this event
             return
         if event.line == 0 and event.kind in (EventKind.LINE_START, EventKind.LINE_END, EventKind.AXIS_DONE):
-            # on the way to the first line
+            # during the approach to the first line
             return
         begins = event.kind in (EventKind.LINE_START, EventKind.PAUSED)
         if begins and program.approach and not program.progress.started:
@@ -87,7 +87,7 @@ class ExecutorReports:
             self._table.end(program, "aborted" if program.ended_as == "finished" else program.ended_as)
 
     def _say_in_thread(self, program: Program, line: int) -> None:
-        """Say that a program was stopped where a tool may stand in a thread: axes by themselves break it."""
+        """Warn that a program was stopped with the tool possibly in a thread, which jogging would break."""
         said = f"it was stopped within the thread of line {line}: get the tool out before an axis moves"
         program.reason = f"{program.reason}; {said}" if program.reason else said
         if program.fault is not None:
@@ -102,7 +102,7 @@ class ExecutorReports:
             self._table.events.publish("warning", reason=fault.code, message=message, **where)
             self._interlock(event, fault, program)
             if event.code == FaultCode.TARGETS_LOST and program is not None:
-                # the executor ends it
+                # the executor ends the program
                 program.reason = f"{fault.code}: {fault.message}"
             return
         if event.code == FaultCode.INTERLOCK_STOP:
@@ -110,14 +110,15 @@ class ExecutorReports:
                 self._table.on_machine_stop(fault)
             return
         if event.code == FaultCode.EMERGENCY_STOP:
-            # latched and reported by whoever asked for it; what came while axes still come to rest ends by it
+            # latched and reported by the caller of the stop; motion that came while axes were stopping ends
+            # here
             if program is not None:
                 self._table.stop(program, "faulted", fault.message, fault)
             return
-        # the executor ends those whose motion a stall has interrupted, each by a fault of its own
+        # the executor ends programs whose motion was interrupted by the stall, each with its own fault
         stalled_machine = event.code == FaultCode.CYCLE_STALLED and program is None
         if not stalled_machine:
-            # before anybody hears of it
+            # latch before publishing
             self._table.faults.latch(fault)
         self._table.events.publish(
             "fault", fault=fault, program=fault.program, line=fault.line, message=fault.message
@@ -128,16 +129,16 @@ class ExecutorReports:
         if program is not None:
             program.progress.faulted(event.line, lost=event.axis >= 0)
         if program is None and fault.axis is None:
-            # a fault of the whole machine ends every program, one of an idle axis none
+            # a fault of the whole machine ends every program, one of an idle axis ends none
             hit = [each for each in self._table.programs.values() if not each.over]
         for each in hit:
             self._table.stop(each, "faulted", fault.message, fault)
 
     def _interlock(self, event: ExecutorEvent, fault: Fault, met: Program | None) -> None:
-        """Note that an input holds the programs, or does so no more: they stay held until resumed.
+        """Note that an input holds the programs, or no longer does: they stay held until resumed.
 
         Args:
-            met: the program before whose axes an input has switched on a zone.
+            met: program that is held before a zone which an input has switched on.
         """
         if event.code == FaultCode.ZONE_HOLD:
             if met is not None and not met.over:
@@ -160,18 +161,18 @@ class ExecutorReports:
 
     @property
     def holders(self) -> str:
-        """Return the names of the inputs that hold all programs."""
+        """Names of the inputs that hold all programs."""
         return ", ".join(self._inputs[each] for each in sorted(self._holding))
 
     def _hold_for(self, program: Program, fault: Fault) -> None:
-        """Note that the executor holds a program for an input."""
+        """Note that the executor holds a program because of an input."""
         if not program.held:
             program.held = True
             self._table.enter(program, "held")
             self._table.publish("program.held", program, reason=fault.code, message=fault.message)
 
     def program_in(self, slot: int) -> str | None:
-        """Return the id of the program in an executor's slot."""
+        """Return the id of the program in a program slot."""
         program = self._in_slot(slot)
         return None if program is None else program.program
 
@@ -182,13 +183,13 @@ class ExecutorReports:
         return None
 
     def _count(self, program: Program, tool: int, seconds: float) -> None:
-        """Count what a line has cut, and say once that a tool's life is used up."""
+        """Count the cutting time of a line, and report once that a tool's life is used up."""
         if tool and self._table.offsets.cut(tool, seconds):
             message = f"{self._table.offsets.worn_text(tool)}; its next change waits for that"
             self._table.events.publish("warning", reason="MC603", message=message, program=program.program)
 
     def _say(self, program: Program, line: int) -> None:
-        """Publish what lines through this one say to the operator."""
+        """Publish the messages of lines up to this one for the operator."""
         said: list[str] = []
         while program.messages and program.messages[0].line <= line:
             found = program.messages.popleft()
@@ -196,5 +197,5 @@ class ExecutorReports:
             program.asks_for = found.tool
             self._table.publish("program.message", program, line=found.line, message=found.message)
         if said:
-            # what is said on the way to one pause belongs together
+            # combine messages on the way to one pause
             program.notice = " · ".join(said[-3:])

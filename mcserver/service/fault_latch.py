@@ -1,4 +1,4 @@
-"""The executor's faults in words, and the latch that keeps them until the reset."""
+"""Describe the executor's faults in words, and latch them until the reset."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from mcserver.executor.fault_codes import remedy_of
 from mcserver.service.reports import AxisState, Fault
 
 LATCHED_FAULTS = 64
-# feedback may show the latch a moment after the event
+# feedback may show the latched fault only after the event
 FAULT_SHOWN_S = 0.5
 
 
 def fault_of(
     event: ExecutorEvent, program: str | None, inputs: Sequence[str] = (), outputs: Sequence[str] = ()
 ) -> Fault:
-    """Put an event of kind FAULT into words; ``inputs``, ``outputs``: names of the machine's."""
+    """Describe an event of kind FAULT; ``inputs``, ``outputs``: names of the machine's."""
     axis = event.axis if event.axis >= 0 else None
     message, hint = remedy_of(event.code, event.axis, event.values, inputs, outputs)
     return Fault(
@@ -35,7 +35,7 @@ class FaultLatch:
 
     Args:
         now: executor time [s].
-        on_latched: called with each fault that is kept.
+        on_latched: called with each fault that is latched.
     """
 
     def __init__(self, now: Callable[[], float], on_latched: Callable[[Fault], None]) -> None:
@@ -50,18 +50,18 @@ class FaultLatch:
         return iter(self._faults)
 
     def latch(self, fault: Fault) -> None:
-        """Keep a fault, unless its axis has one of the same code already."""
+        """Latch a fault, unless its axis has one of the same code."""
         known = any((other.code, other.axis) == (fault.code, fault.axis) for other in self._faults)
         if not known and len(self._faults) < LATCHED_FAULTS:
             self._faults.append(fault)
             self._on_latched(fault)
 
     def clear(self) -> None:
-        """Drop all: the reset."""
+        """Clear all, for a reset."""
         self._faults.clear()
 
     def forget_cleared(self, states: Mapping[int, AxisState]) -> bool:
-        """Drop faults that no axis has latched any more; True if none is left of some."""
+        """Remove faults that no axis has latched any more; return True if that removed the last ones."""
         since = self._now() - FAULT_SHOWN_S
         kept = [
             fault

@@ -1,4 +1,4 @@
-"""How long programs still take: by a simulation of their text, without one by what is planned."""
+"""Forecast the remaining time of programs: from a simulation of their text, else from what is planned."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from mcserver.service.executor_port import ExecutorPort
 from mcserver.service.program import Program
 from mcserver.service.timeline import Timeline
 
-# Texts whose times are kept, the newest.
+# Most texts whose times are kept; the newest.
 TEXTS = 16
 
 
 class Forecasts:
-    """Times of the texts that were simulated last, by the SHA-256 of the text and the operator's switches.
+    """Times of the last simulated texts, by the SHA-256 of the text and the operator's switches.
 
     Args:
-        port: where the slots of running programs are read. cycle_s: of the executor [s].
+        port: to read the slots of running programs. cycle_s: of the executor [s].
     """
 
     def __init__(self, port: ExecutorPort, cycle_s: float) -> None:
@@ -36,11 +36,11 @@ class Forecasts:
         total: int | None = None,
         switches: Switches = AS_WRITTEN,
     ) -> None:
-        """Keep the times of a text, and give them to the programs that run it.
+        """Store the times of a text, and give them to the programs that run it.
 
         Args:
-            marks: of the simulation. programs: those that are there. total: how many lines the text has.
-            switches: that it was simulated with.
+            marks: of the simulation. programs: present ones. total: count of the text's lines.
+            switches: of the simulation.
         """
         timeline, key = Timeline(marks, total), (sha256, switches)
         self._timelines.pop(key, None)
@@ -52,21 +52,21 @@ class Forecasts:
                 program.clock.foresee(timeline)
 
     def knows(self, sha256: str, switches: Switches = AS_WRITTEN) -> bool:
-        """Return whether the times of a text are those of its whole simulation."""
+        """Return whether the times of a text are from a complete simulation."""
         timeline = self._timelines.get((sha256, switches))
         return timeline is not None and timeline.simulated >= 1.0
 
     def begin(self, program: Program) -> None:
-        """Give a program that opens the times of its text, where they are known."""
+        """Give a program that opens the times of its text, if known."""
         timeline = self._timelines.get((program.sha256 or "", program.switches))
         if timeline is not None:
             program.clock.foresee(timeline)
 
     def estimate(self, programs: Iterable[Program], now: float) -> None:
-        """Bring the time left of all that run up to date; ``now``: executor time [s].
+        """Update the remaining time of all running programs; ``now``: executor time [s].
 
-        Without a simulation it is the time left of what is planned, None where nothing of that is left: what
-        still comes is not known then. Waits and dwells come on top.
+        Without a simulation it is that of the planned motion, or None if there is none: what follows is
+        unknown then. Waits and dwells are added.
         """
         slots: Sequence[SlotView] | None = None
         for program in programs:
@@ -81,7 +81,7 @@ class Forecasts:
                 done_at=progress.ended_at,
             )
             if program.eta_s is None and program.planned_end_u is not None:
-                # only read where something runs: it is half of what a call of an idle machine costs
+                # read only if a program runs: this is half the cost of a call on an idle machine
                 slots = slots or self._port.slots()
                 slot = slots[program.slot]
                 left = (program.planned_end_u - slot.u) * self._cycle_s

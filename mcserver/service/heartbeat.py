@@ -1,7 +1,7 @@
-"""The server's sign of life to the executor, which stops every axis when it stays out.
+"""The server's heartbeat to the executor, which stops every axis without it.
 
-It comes from a thread of its own, so that a long piece of planning or a burst of requests does not stop the
-machine; and it stays out when the loop or the planner has hung for good, because then nobody is in control.
+It has its own thread, so that long planning or a burst of requests does not stop the machine; but it stops if
+the loop or the planner hangs, because then nobody is in control.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ LOOP_PERIOD_S = 0.1
 
 
 class Heartbeat:
-    """Beats from `start` to `stop`.
+    """Sends heartbeats from `start` to `stop`.
 
     Args:
-        beat: tells the executor.
-        planner_seen: when the planner thread was last at work [s of `time.monotonic`].
+        beat: sends one to the executor.
+        planner_seen: time of the planner thread's last activity [s of `time.monotonic`].
     """
 
     def __init__(self, beat: Callable[[], None], planner_seen: Callable[[], float]) -> None:
@@ -34,12 +34,12 @@ class Heartbeat:
         self._thread = threading.Thread(target=self._run, name="heartbeat", daemon=True)
 
     def start(self) -> None:
-        """From the loop that is watched."""
+        """Start; called in the loop that is watched."""
         self._touch(asyncio.get_running_loop())
         self._thread.start()
 
     def stop(self) -> None:
-        """From the loop too."""
+        """Stop; called in the loop, too."""
         self._stopping.set()
         if self._timer is not None:
             self._timer.cancel()

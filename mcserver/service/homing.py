@@ -1,4 +1,4 @@
-"""Homing and references as operators ask for them: programs of control entries, each with a lease."""
+"""Homing and references for operators: programs of control entries, each with a lease."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from mcserver.service.axes_of_requests import axes_of, axis_of
 from mcserver.service.program import Program
 from mcserver.service.service import MachineService
 
-# Longest wait for a reference to be given, and how often it is looked [s].
+# Longest wait until a reference is set, and polling interval [s].
 REFERENCE_LIMIT_S = 3.0
 REFERENCE_LOOK_S = 0.005
 _CAPTURE = list(AxisOperation).index(AxisOperation.CAPTURE)
 
 
 class HomingService:
-    """Homes the axes of one machine. All of it runs in the loop."""
+    """Homes the axes of one machine. All methods run in the loop."""
 
     def __init__(self, service: MachineService) -> None:
         self._service = service
         self._machine = service.machine
 
     async def home(self, client: str, axes: Sequence[int] | None) -> Program:
-        """Begin to home axes, those of the lowest order first; None: all that can find their reference.
+        """Begin homing axes, those of the lowest order first; None: all that can home themselves.
 
         Raises:
-            ServiceError: MC455 an axis finds no reference by itself, MC507 no such axis, MC512 it is leased.
+            ServiceError: MC455 an axis cannot home itself, MC507 no such axis, MC512 it is leased.
         """
         if axes is None:
             chosen = self._finding()
@@ -59,11 +59,11 @@ class HomingService:
         return await self._service.command(client, f"home axis {shown}", numbers, controls)
 
     async def reference(self, client: str, positions: Mapping[int, float]) -> Program:
-        """Say where axes are [m or rad]; nothing moves. Returns once it is done.
+        """Set the positions of axes [m or rad] without motion. Returns once they are set.
 
         Raises:
             ServiceError: MC455 an axis without ``[axis.homing]``, MC458 it moves, MC507, MC511, MC512, MC596
-                an axis that finds its reference itself.
+                an axis that homes itself.
         """
         if not positions:
             raise Refused("MC511", "a reference names no axis", "give axes and positions")
@@ -124,5 +124,5 @@ class HomingService:
     def _check_free(self, axes: Sequence[int]) -> None:
         for axis in axes:
             lender = self._service.holder(axis)
-            # what was approved of a run are places by the references of then
+            # an approved run's positions are based on the references at its approval
             self._service.refuse_leased(axis, at_pause=lender is None or lender.envelope is None)

@@ -1,11 +1,11 @@
-"""Moves of one axis by hand, each a program of its own with a lease on that axis.
+"""Jog one axis, or a tool, by hand; each jog is a program of its own with a lease.
 
-They are in machine coordinates, whatever work offsets, tools and units programs have. Steps of one person
-that come while one is under way wait for its end; anybody else is told who moves the axis.
+Jogs are in machine coordinates, independent of work offsets, tools and units of programs. A person's steps
+during one of their own wait for its end; anybody else gets an error that names who moves the axis.
 
-A jog without a distance runs on while its client asks for it again; when that stops, the axis stops. So a
-button that nobody releases, because the network broke, cannot keep an axis moving. A tool's jog is such a jog
-of all its joints, along a straight line.
+A jog without a distance continues while its client repeats the request, and stops without it, so that a
+button that is never released, because the network broke, cannot keep an axis moving. A jog of a tool is such
+a jog of all its joints, along a straight line.
 """
 
 from __future__ import annotations
@@ -27,31 +27,31 @@ if TYPE_CHECKING:
     from mckinematics.solver import MachineKinematics
 
 DEFAULT_HOLD_S = 0.5
-# the longest jog without an end, at its velocity, where the axis has no limit
+# duration of the longest endless jog of an axis without limits
 ENDLESS_S = 600.0
 DEFAULT_SHARE = 0.1
-# steps of an axis that wait or are under way
+# most steps of an axis that wait or run
 STEPS = 8
-# a watch that runs out later than by this was held up with the whole server [s]
+# a watchdog that fires later than this was delayed with the whole server [s]
 HELD_UP_S = 0.02
-# what has arrived meanwhile has so long to be read
+# time to read requests that have arrived meanwhile
 READING_S = 0.05
 
 
 class Jogging:
-    """Jogs of one machine. All of it runs in the loop.
+    """Jogs of one machine. All methods run in the loop.
 
     Args:
-        kinematics: of its tools; None: none is moved.
+        kinematics: of its tools; None: tools cannot be jogged.
     """
 
     def __init__(self, service: MachineService, kinematics: MachineKinematics | None = None) -> None:
         self._service = service
         self._watches: dict[str, asyncio.TimerHandle] = {}
         self._kinematics = kinematics
-        # jogs that have not ended: the axes, and the person at the client
+        # jogs that have not ended: their axes, and the person at the client
         self._open: dict[str, tuple[tuple[int, ...], str]] = {}
-        # set when one ends
+        # set when a jog ends
         self._end = asyncio.Event()
         service.on_program_ended.append(self._ended)
 
@@ -69,8 +69,8 @@ class Jogging:
         """Start a jog, or keep ``program_id`` alive; return the program's id.
 
         Args:
-            by: the person at the client, where it serves several; jogs of another one are refused.
-            distance: [mm, deg], signed; None: on until stopped. velocity: [mm/s, deg/s].
+            by: person at the client, if it serves several; jogs of other persons are refused.
+            distance: [mm, deg], signed; None: endless. velocity: [mm/s, deg/s].
 
         Raises:
             ServiceError: MC507 no such axis, MC508 too many steps wait, MC511 a velocity of 0 or none,
@@ -106,14 +106,15 @@ class Jogging:
         hold_s: float | None,
         program_id: str | None,
     ) -> tuple[str, str]:
-        """Move a tool until it is stopped or cannot go on, or keep ``program_id`` alive.
+        """Move a tool until it is stopped or reaches an obstacle, or keep ``program_id`` alive.
 
         Args:
-            word: X Y Z to go along that axis of the frame, A B C to turn about it.
+            word: X Y Z to move along that axis of the frame, A B C to turn about it.
             velocity: of the tip [mm/s], of a turn [deg/s], signed.
 
         Returns:
-            The program's id, and what ends the way; empty: nothing within reach, or not asked anew.
+            The program's id, and what ends the move; empty: nothing within reach, or ``program_id`` is kept
+            alive.
 
         Raises:
             ServiceError: MC303 … MC305 the tool cannot move there, MC310 no such tool, MC311 no orientation,
@@ -129,7 +130,7 @@ class Jogging:
         chain = kinematics.axes(number)
         self._refuse_taken(client, by, chain, step=False)
         while any(self._service.holder(axis, at_pause=True) for axis in chain):
-            # the way is from where the joints stand: one's own jog is coming to rest
+            # the move starts at the joints' positions: wait until an own jog is at rest
             await self._end.wait()
             self._refuse_taken(client, by, chain, step=False)
         longest, unit = 2.0 * kinematics.tool(number).chain.reach, MM if word in "XYZ" else DEGREE
@@ -138,11 +139,12 @@ class Jogging:
             way = math.copysign(min(abs(way), longest), way)
         setpoint = self._service.port.snapshot().setpoint
         joints = dict(zip(axes_of(self._service.machine, None), setpoint, strict=True))
-        # tens of milliseconds; whoever moves a joint meanwhile has its lease, and the planner solves it again
+        # takes tens of milliseconds; a joint that is moved meanwhile is leased, and the planner solves the
+        # move again
         found = await asyncio.to_thread(reachable_move, kinematics, number, joints, word, frame, way)
         move = f"G21 G94 F{60.0 * abs(velocity):.6f} {found.words}"
         hold_s = hold_s or DEFAULT_HOLD_S
-        # a tool is only where its joints are known
+        # the tool's position is only known with homed joints
         program = await self._start(
             client, f"tool {number} {word}", chain, move, by=by, hold_s=hold_s, unhomed=False
         )
@@ -159,7 +161,7 @@ class Jogging:
         hold_s: float | None,
         unhomed: bool,
     ) -> str:
-        """Run one move, watched where there is a dead man's time."""
+        """Run one move, with a watchdog if ``hold_s`` is given."""
         program = await self._service.open(
             client,
             ProgramOptions(
@@ -183,7 +185,7 @@ class Jogging:
         return program.program
 
     def _refuse_taken(self, client: str, by: str, axes: tuple[int, ...], *, step: bool) -> None:
-        """Refuse a jog of axes that anything moves but earlier jogs of them by the same person."""
+        """Refuse a jog of axes that are moved by anything but earlier jogs by the same person."""
         for axis in axes:
             holder = self._service.holder(axis, at_pause=True)
             if holder is None:
@@ -197,7 +199,7 @@ class Jogging:
                 )
 
     def _ended(self, program: Program) -> None:
-        """Forget a jog; the steps behind one that was broken off do not run either."""
+        """Remove a jog that has ended; if it was broken off, abort the steps that wait for it."""
         ended = self._open.pop(program.program, None)
         self._end.set()
         self._end.clear()
@@ -228,7 +230,7 @@ class Jogging:
     def _let_go(self, program_id: str, due: float) -> None:
         loop = asyncio.get_running_loop()
         if loop.time() - due > HELD_UP_S:
-            # the client may have asked in time, and nobody has read it; once, so that it is a bounded delay
+            # the request may have come in time without having been read; extend once only
             self._watches[program_id] = loop.call_later(READING_S, self._let_go, program_id, math.inf)
             return
         self._watches.pop(program_id, None)

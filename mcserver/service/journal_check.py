@@ -1,9 +1,9 @@
-"""What of a journal's file is as it was written; SQLite itself passes over much damage in silence.
+"""Find what in a journal's file is intact; SQLite itself ignores much damage silently.
 
-Every row has a checksum over all of its columns; a program has the count and the sum of its rows in
-``chunks``, and the tables have them in ``sums``: a row that is lost or old is noticed as one that is wrong.
-Each transaction is counted in the database and beside it (`mcserver.service.commit_record`), so that it is
-noticed where the end of the write-ahead log, or all of it, is lost.
+Every row has a checksum over all of its columns; a program has count and sum of its rows in ``chunks``, and
+each table those of its rows in ``sums``, so that lost and old rows are found as well as damaged ones. Each
+transaction is counted in the database and beside it (`mcserver.service.commit_record`), so that a lost
+write-ahead log, or the loss of its end, is found.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _PROGRAM_INDEXES = (
     "SELECT program FROM programs INDEXED BY sqlite_autoindex_programs_1",
     "SELECT DISTINCT program FROM chunks INDEXED BY chunks_by_program",
 )
-# The oldest version that is read; it had a table of the times of lines that nobody read.
+# Oldest version that is read; it had a table of line times that was never read.
 _OLDEST = 3
 _NAMES_3: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {**NAMES, "programs": (*NAMES["programs"], "report_rows", "report_sum")}
@@ -34,18 +34,18 @@ _NAMES_3: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 
 class Sum(NamedTuple):
-    """How many rows, and the sum of their checksums."""
+    """Count of rows, and the sum of their checksums."""
 
     rows: int = 0
     total: int = 0
 
     def with_row(self, checksum: int) -> Sum:
-        """Return the sum with one more row."""
+        """Return the sum including one more row."""
         return Sum(self.rows + 1, self.total + checksum)
 
 
 class JournalRow(NamedTuple):
-    """A row: its id, its values, and whether it is as it was written."""
+    """A row: its id, its values, and whether it is intact."""
 
     id: int
     row: Row
@@ -53,32 +53,32 @@ class JournalRow(NamedTuple):
 
 
 class JournalContent:
-    """A journal that nobody writes, read as far as it can be.
+    """Reads as much as possible of a journal that nobody writes.
 
     Args:
         connection: to the database, read-only. version: of its schema.
 
     Attributes:
-        broken: tables that cannot be read from end to end.
+        broken: tables that cannot be read completely.
     """
 
     def __init__(self, connection: sqlite3.Connection, version: int) -> None:
         self._connection = connection
-        # what is no UTF-8 has to fail at its checksum, not here
+        # text that is not UTF-8 has to fail at its checksum, not here
         connection.text_factory = lambda raw: str(raw, "utf-8", "surrogateescape")
         self.version = version
         self.names = NAMES if version == SCHEMA_VERSION else _NAMES_3
         self.broken: set[str] = set()
 
     def rows(self, table: str) -> Iterator[JournalRow]:
-        """Each row that can be read; in no certain order."""
+        """Yield each row that can be read, in no particular order."""
         names = self.names[table]
         for number, written, *values in self._scan(table, f"rowid, crc, {', '.join(names)}"):
             row = dict(zip(names, values, strict=True))
             yield JournalRow(int(str(number)), row, written == _checksum(values))
 
     def programs_of_indexes(self) -> set[str]:
-        """Ids of programs that any index has."""
+        """Return the ids of programs in any index."""
         found: set[str] = set()
         for statement in _PROGRAM_INDEXES:
             for order in ("", " ORDER BY program DESC"):
@@ -88,7 +88,7 @@ class JournalContent:
         return found
 
     def structure_damage(self) -> str:
-        """Say what is wrong with the structure of the database; empty: nothing."""
+        """Describe damage to the structure of the database; empty without any."""
         try:
             ((verdict,),) = self._connection.execute("PRAGMA integrity_check(1)").fetchall()
         except (sqlite3.Error, ValueError) as error:
@@ -96,7 +96,7 @@ class JournalContent:
         return "" if verdict == "ok" else str(verdict).splitlines()[-1]
 
     def _scan(self, table: str, columns: str) -> Iterator[Sequence[object]]:
-        """Rows from the first on and, where one cannot be read, from the last on backwards."""
+        """Yield rows from the first on and, after one that cannot be read, from the last one backwards."""
         last = -1
         try:
             for row in self._connection.execute(f"SELECT {columns} FROM {table} ORDER BY rowid"):
@@ -119,12 +119,12 @@ class JournalContent:
 
 
 class Findings(NamedTuple):
-    """What a check has found.
+    """Result of a check.
 
     Attributes:
-        damage: what is wrong, in words; empty: nothing is.
-        kept: programs of which everything is as it was written.
-        lost: the other ones, by their ids. commits: transactions that the journal ever had.
+        damage: in words; empty without any.
+        kept: programs that are intact.
+        lost: ids of the others. commits: count of transactions that the journal ever had.
     """
 
     damage: list[str]
@@ -135,10 +135,10 @@ class Findings(NamedTuple):
 
 @contextlib.contextmanager
 def opened(path: Path) -> Iterator[JournalContent | None]:
-    """Open a journal for reading; nothing of it is changed. None: there is nothing in it.
+    """Open a journal for reading, without changes; None if it is empty.
 
     Raises:
-        ServiceError: MC520 it is no journal, or its schema is not that of its version.
+        ServiceError: MC520 it is not a journal, or has not the schema of its version.
     """
     uri = f"{path.absolute().as_uri()}?mode=ro"
     try:
@@ -156,7 +156,7 @@ def opened(path: Path) -> Iterator[JournalContent | None]:
                 raise refusal(path, "it has none of a journal's tables")
             yield JournalContent(connection, version)
     except (sqlite3.Error, TypeError, ValueError) as error:
-        # a row that is not there, text that is none: what SQLite gives of a damaged first page
+        # a missing row or invalid text: results of a damaged first page
         raise refusal(path, str(error)) from error
 
 
@@ -165,7 +165,7 @@ def _tables(connection: sqlite3.Connection) -> set[str]:
 
 
 def refusal(path: Path, reason: str) -> ServiceError:
-    """Return what refuses a file that is no journal."""
+    """Return the refusal of a file that is not a journal."""
     said = reason or "its schema is damaged"
     return ServiceError(
         "MC520",
@@ -178,13 +178,13 @@ UNRECORDED = "the record of its commits (-commits) is missing or damaged: what w
 
 
 def examine(content: JournalContent, record: CommitCount | None) -> Findings:
-    """Check everything that a journal holds.
+    """Check everything in a journal.
 
     Args:
-        record: of its commits; None: there is none.
+        record: of its commits; None without one.
 
     Raises:
-        ServiceError: MC520 programs are lost whose ids cannot be told.
+        ServiceError: MC520 programs are lost whose ids are unknown.
     """
     structure = content.structure_damage()
     damage = [structure] if structure else []
@@ -218,7 +218,7 @@ def examine(content: JournalContent, record: CommitCount | None) -> Findings:
     if missing:
         damage.append(f"its last {missing} transactions are lost")
         named |= set(record.programs) if record is not None else set()
-    # without the record nobody knows whether a later transaction is lost
+    # without the record the loss of a later transaction cannot be excluded
     unrecorded = record is None and commits > 0
     if unrecorded:
         damage.append(UNRECORDED)
@@ -228,13 +228,13 @@ def examine(content: JournalContent, record: CommitCount | None) -> Findings:
         for program, row in programs.items()
         if program not in wrong
         and _sum_of(row) == sums_by_program.get(program, Sum())
-        # what has not ended may have been further than a row says that is not the last one
+        # the row of a program that has not ended may be older than its last state
         and not (unsure and row["ended_at"] is None)
     }
     if sums_sound:
         expected = sums["programs"].rows
     else:
-        # where the structure is sound, the table has as many rows as its index
+        # in an intact structure the table has as many rows as its index
         expected = 0 if not structure and "programs" not in content.broken else len(named) + 1
     if len(named) < expected:
         raise ServiceError(
@@ -259,7 +259,7 @@ def _read_sums(content: JournalContent) -> tuple[dict[str, Sum], bool]:
 
 
 def _read_program_sums(content: JournalContent) -> tuple[dict[str, Sum], set[str]]:
-    """Sums of the chunks of each program, and the programs that have wrong ones."""
+    """Return the sums of each program's chunks, and the programs with damaged ones."""
     found: dict[str, Sum] = defaultdict(Sum)
     wrong: set[str] = set()
     for _, row, sound in content.rows("chunks"):
@@ -283,5 +283,5 @@ def _checksum(values: object) -> int:
     try:
         return row_checksum(*values)  # type: ignore[misc]
     except UnicodeEncodeError:
-        # text that is no UTF-8 was never written
+        # text that is not UTF-8 was never written
         return -1

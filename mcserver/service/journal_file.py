@@ -1,4 +1,4 @@
-"""The journal's file: its tables, how it is opened, and how it is kept within bounds."""
+"""The journal's file: tables, opening, and pruning."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ Statement = tuple[str, tuple[object, ...]]
 SCHEMA_VERSION = 4
 PAGE_BYTES = 1024
 
-# Columns of each table in the order of their checksum, which stands behind them in the column ``crc``.
+# Columns of each table in the order of their checksum, which is in the additional column ``crc``.
 COLUMNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "starts": ("instance TEXT UNIQUE NOT NULL", "started_at REAL NOT NULL", "stopped_at REAL"),
-        # chunk_rows, chunk_sum: how many rows a program has in ``chunks``, and the sum of their ``crc``
+        # chunk_rows, chunk_sum: count of a program's rows in ``chunks``, and the sum of their ``crc``
         "programs": (
             "program TEXT UNIQUE NOT NULL",
             "instance TEXT NOT NULL",
@@ -40,15 +40,15 @@ COLUMNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "fault BLOB",
             "opened_at REAL NOT NULL",
             "ended_at REAL",
-            # the machine as it began (`mcserver.planning.start_state.StartState`), what is known of its text
-            # (`mcserver.service.journal.KnownText`), and the hash of that
+            # state of the machine when it began (`mcserver.planning.start_state.StartState`), what is known
+            # of its text (`mcserver.service.journal.KnownText`), and the text's hash
             "origin BLOB",
             "whole INTEGER NOT NULL DEFAULT 0",
             "sha256 TEXT",
             "chunk_rows INTEGER NOT NULL DEFAULT 0",
             "chunk_sum INTEGER NOT NULL DEFAULT 0",
         ),
-        # one row a message, not a line: 500 000 lines/s in messages of 100 are 5 000 rows/s
+        # one row per message, not per line: 500 000 lines/s in messages of 100 are 5 000 rows/s
         "chunks": (
             "program TEXT NOT NULL",
             "first INTEGER NOT NULL",
@@ -56,7 +56,7 @@ COLUMNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "lines BLOB NOT NULL",
         ),
         "faults": ("at REAL NOT NULL", "program TEXT", "line INTEGER NOT NULL", "blob BLOB NOT NULL"),
-        # who ordered what; ``program`` is NULL where the whole machine was meant
+        # commands, and who gave them; ``program`` is NULL for the whole machine
         "commands": (
             "at REAL NOT NULL",
             "client TEXT NOT NULL",
@@ -64,8 +64,8 @@ COLUMNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "program TEXT",
             "detail TEXT NOT NULL",
         ),
-        # how many rows each of `COUNTED` has, and the sum of their ``crc``; and of ``commits`` the number of
-        # transactions that were ever committed
+        # count of rows of each table in `COUNTED`, and the sum of their ``crc``; for ``commits`` the count of
+        # transactions ever committed
         "sums": ("of TEXT UNIQUE NOT NULL", "rows INTEGER NOT NULL", "total INTEGER NOT NULL"),
     }
 )
@@ -78,7 +78,7 @@ COMMITS = "commits"
 
 
 def schema() -> list[str]:
-    """Return the statements that make the tables of a new journal."""
+    """Return the statements that create the tables of a new journal."""
     made = [
         f"CREATE TABLE {table}(id INTEGER PRIMARY KEY, {', '.join(columns)}, crc INTEGER)"
         for table, columns in COLUMNS.items()
@@ -87,14 +87,14 @@ def schema() -> list[str]:
 
 
 def row_checksum(*values: object) -> int:
-    """Checksum of all values of a row, as they come back from the database."""
+    """Return the checksum of all values of a row, as they are read from the database."""
     return zlib.crc32(msgspec.msgpack.encode(values))
 
 
 def insertion(table: str, **values: object) -> Statement:
     """Return the statement that appends a row with its checksum.
 
-    Columns that are left out are NULL or 0, and an ``id`` is the next one.
+    Omitted columns are NULL or 0, and an omitted ``id`` is the next one.
     """
     row = [
         values.get(name, 0 if column.endswith("DEFAULT 0") else None)
@@ -106,9 +106,9 @@ def insertion(table: str, **values: object) -> Statement:
 
 
 def _seals() -> Iterator[str]:
-    """Triggers that keep checksums and sums true whatever a statement changes.
+    """Yield triggers that update checksums and sums after any change.
 
-    They are temporary, of each connection that writes: `row_checksum` is no function of SQLite's own.
+    They are temporary, for each writing connection, since `row_checksum` is not a function of SQLite's.
     """
     for table in COLUMNS:
         if table == "sums":
@@ -144,20 +144,20 @@ COUNT_COMMIT = f"UPDATE sums SET rows=rows+1, crc=row_checksum(of, rows+1, total
 
 @contextlib.contextmanager
 def transaction(connection: sqlite3.Connection) -> Iterator[None]:
-    """Commit all statements of the block together, or none; one outside of a block is one by itself."""
+    """Commit all statements of the block together, or none; outside of a block each statement commits."""
     connection.execute("BEGIN")
     try:
         yield
         connection.execute("COMMIT")
     except BaseException:
-        # SQLite has rolled back by itself after some errors
+        # after some errors SQLite has rolled back already
         with contextlib.suppress(sqlite3.Error):
             connection.execute("ROLLBACK")
         raise
 
 
 class JournalBounds(msgspec.Struct, frozen=True):
-    """How much the journal keeps: ended programs, bytes of line text, server starts, commands."""
+    """Bounds of the journal: ended programs, bytes of line text, server starts, commands."""
 
     ended_programs: int = 500
     text_bytes: int = 256 * 1024 * 1024
@@ -166,15 +166,15 @@ class JournalBounds(msgspec.Struct, frozen=True):
 
 
 def open_journal(path: Path) -> sqlite3.Connection:
-    """Return a connection in WAL mode with the schema in place, for any one thread.
+    """Return a connection in WAL mode with the schema created, for use in one thread at a time.
 
     Raises:
-        ServiceError: MC520 the file is no journal of this version, or cannot be written.
+        ServiceError: MC520 the file is not a journal of this version, or cannot be written.
     """
     try:
-        # SQLite gives the files beside it the same rights
+        # SQLite gives its files beside it the same permissions
         os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600))
-        # no transactions but those asked for: a single statement commits itself, without BEGIN and COMMIT
+        # only explicit transactions: a single statement commits itself, without BEGIN and COMMIT
         connection = sqlite3.connect(path, check_same_thread=False, timeout=1.0, isolation_level=None)
         with contextlib.ExitStack() as failed:
             failed.callback(connection.close)
@@ -188,12 +188,12 @@ def open_journal(path: Path) -> sqlite3.Connection:
 
 
 def _prepare(connection: sqlite3.Connection, path: Path) -> None:
-    """Put the schema in place where there is none."""
-    # of a new file: a commit writes whole pages, and most commits are a single short row
+    """Create the schema in a new file."""
+    # in a new file: a commit writes whole pages, and is mostly a single short row
     connection.execute(f"PRAGMA page_size={PAGE_BYTES}")
     connection.execute("PRAGMA journal_mode=WAL")
     connection.execute("PRAGMA synchronous=NORMAL")
-    # a checkpoint syncs, which no commit shall wait for; the thread makes them
+    # a checkpoint syncs, which a commit must not wait for: `DiskSync` makes them
     connection.execute("PRAGMA wal_autocheckpoint=0")
     version = connection.execute("PRAGMA user_version").fetchone()[0]
     if version not in (0, SCHEMA_VERSION):
@@ -215,16 +215,16 @@ def _prepare(connection: sqlite3.Connection, path: Path) -> None:
 
 
 def count_commits(connection: sqlite3.Connection) -> int:
-    """Return how many transactions the journal counts."""
+    """Return the journal's count of transactions."""
     rows = connection.execute("SELECT rows FROM sums WHERE of=?", (COMMITS,))
     return int(next(iter(rows), (0,))[0])
 
 
 def prune(bounds: JournalBounds) -> list[Statement]:
-    """Statements that bring the journal back within its bounds, the oldest first.
+    """Return statements that bring the journal within its bounds, removing the oldest first.
 
-    Text goes oldest first whatever program it belongs to: a program that runs for days loses its oldest
-    lines, which a resumption then has to bring itself (MC514).
+    Text is removed oldest first, of whatever program: a program that runs for days loses its oldest lines,
+    which a resumption then has to bring itself (MC514).
     """
     return [
         (

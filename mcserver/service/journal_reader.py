@@ -1,4 +1,4 @@
-"""Reading the service journal: what ran before, and its lines for a resumption."""
+"""Read the journal: earlier programs, and their lines for a resumption."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def _reading(path: Path) -> Iterator[sqlite3.Connection]:
     Raises:
         ServiceError: MC520 it cannot be read.
     """
-    # a connection of its own: in WAL mode readers do not hold up the writer
+    # a separate connection: in WAL mode readers do not block the writer
     try:
         with contextlib.closing(
             sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)
@@ -42,17 +42,16 @@ def _reading(path: Path) -> Iterator[sqlite3.Connection]:
 
 
 def read_programs(path: Path, *, limit: int, program: str | None = None) -> list[ProgramStatus]:
-    """Programs in the journal, newest first; those of this instance included.
+    """Return programs in the journal, newest first, including those of this instance.
 
-    A program that was never ended counts as ``interrupted``; whoever runs now knows better about its own.
+    A program without an end counts as ``interrupted``; the caller knows the state of its own running ones.
     """
     where, values = ("WHERE program=?", (program, limit)) if program else ("", (limit,))
     return _read_statuses(path, f"{where} ORDER BY id DESC LIMIT ?", values)
 
 
 def read_unended(path: Path) -> list[ProgramStatus]:
-    """Programs in the journal that were never ended, oldest first: before a start, what it finds
-    interrupted."""
+    """Return programs in the journal without an end, oldest first: before a start, the interrupted ones."""
     return _read_statuses(path, "WHERE ended_at IS NULL ORDER BY id", ())
 
 
@@ -104,12 +103,12 @@ def _share(done: int, lines: int) -> float:
 
 
 class RecordedProgram(msgspec.Struct, frozen=True):
-    """A program as it can be gone on with.
+    """A program as needed to continue it.
 
     Attributes:
-        text: what is known of its lines. sha256: of the whole text, where that was said.
-        origin: the machine as it began; None: it never did. One whose operator had switched something, and
-            which never began, has the machine as it was opened.
+        text: what is known of its lines. sha256: of the whole text, if given.
+        origin: state of the machine when it began, or for a program that never began but has operator's
+            switches, when it was opened; None: it never began.
     """
 
     status: ProgramStatus
@@ -119,21 +118,21 @@ class RecordedProgram(msgspec.Struct, frozen=True):
 
     @property
     def whole(self) -> bool:
-        """Whether its client had given all of its lines."""
+        """Whether its client had sent all of its lines."""
         return self.text is KnownText.WHOLE
 
 
 def read_recorded(path: Path, program: str, *, last: bool = True) -> RecordedProgram:
-    """Read a program, or, with ``last``, the one that has gone on with it last.
+    """Read a program, or with ``last`` the program that continued it last.
 
     Raises:
-        ServiceError: MC503 there is no such program.
+        ServiceError: MC503 no such program.
     """
     check_known(path, program)
     seen = {program}
     with _reading(path) as connection:
         while last:
-            # one whose lines never came to the journal has not begun either
+            # a continuation whose lines never reached the journal has not begun
             row = connection.execute(
                 "SELECT program FROM programs WHERE resume_of=? AND EXISTS(SELECT 1 FROM chunks WHERE"
                 " chunks.program=programs.program AND last>=start_line) ORDER BY id DESC LIMIT 1",
@@ -156,7 +155,7 @@ def read_recorded(path: Path, program: str, *, last: bool = True) -> RecordedPro
 
 
 def check_known(path: Path, program: str) -> None:
-    """Refuse a program that the journal does not have.
+    """Refuse a program that is not in the journal.
 
     Raises:
         ServiceError: MC503.
@@ -173,10 +172,10 @@ def check_known(path: Path, program: str) -> None:
 
 
 def read_lines_before(path: Path, program: str, line: int) -> list[str]:
-    """Lines 1 … line - 1 of a program, for its modal state.
+    """Return lines 1 … line - 1 of a program, to derive its modal state.
 
     Raises:
-        ServiceError: MC503 no such program; MC514 the journal does not hold all of these lines.
+        ServiceError: MC503 no such program; MC514 the journal does not have all of these lines.
     """
     check_known(path, program)
     with _reading(path) as connection:
@@ -201,10 +200,10 @@ def read_lines_before(path: Path, program: str, line: int) -> list[str]:
 
 
 def read_lines_near(path: Path, program: str, first: int, last: int) -> tuple[int, list[str]]:
-    """Lines ``first`` … ``last`` of a program as far as the journal holds them without a gap.
+    """Return lines ``first`` … ``last`` of a program as far as the journal has them without a gap.
 
     Returns:
-        Number of the first line, and the lines; none where it holds none of these.
+        Number of the first line, and the lines; empty if it has none of them.
     """
     with _reading(path) as connection:
         rows = connection.execute(

@@ -1,7 +1,7 @@
-"""A journal before it is used: one of an older version is brought up to date, a damaged one made anew.
+"""Prepare a journal before use: upgrade one of an older version, rebuild a damaged one.
 
-Both copy what is as it was written into a new database. A program of which anything is not goes as a whole,
-and is named: a count that may be wrong is worse than none.
+Both copy what is intact into a new database. A program that is not completely intact is removed and named: a
+count that may be wrong is worse than none.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ from mcserver.service.journal_file import (
 from mcserver.terminal import visible
 
 NAMED = 20
-# of a database: SQLite takes what is shorter for a new one, and writes over it
+# of a database: SQLite takes a shorter file for a new one, and overwrites it
 LEAST_BYTES = 512
 COPIED = ("starts", "programs", "chunks", "faults", "commands")
 
 
 class Damage(msgspec.Struct, frozen=True):
-    """A journal that was damaged.
+    """Damage to a journal.
 
     Attributes:
-        message: what is lost. kept: where the file as it was is kept. lost: ids of programs that went.
+        message: what is lost. kept: path of the damaged file. lost: ids of removed programs.
     """
 
     message: str
@@ -49,13 +49,13 @@ class Damage(msgspec.Struct, frozen=True):
 
 
 class JournalLock:
-    """Holds a journal for one server, until `release` or the end of the process.
+    """Locks a journal for one server, until `release` or the end of the process.
 
     Args:
-        path: the journal's file; the lock is a file beside it.
+        path: of the journal; the lock is a file beside it.
 
     Raises:
-        ServiceError: MC526 another server has it; MC520 the lock's file cannot be made.
+        ServiceError: MC526 another server has it; MC520 the lock's file cannot be created.
     """
 
     def __init__(self, path: Path) -> None:
@@ -82,13 +82,13 @@ class JournalLock:
 
 
 def prepare_journal(path: Path) -> Damage | None:
-    """Check a journal that is not open, and leave one of this version whose every row is right.
+    """Check a journal that is not open, and leave an intact one of this version.
 
     Returns:
-        What was damaged; None: nothing.
+        The damage found; None without any.
 
     Raises:
-        ServiceError: MC520 it cannot be read or written, or what is lost of it cannot be told.
+        ServiceError: MC520 it cannot be read or written, or what it lost is unknown.
     """
     record = read_commit_record(path)
     try:
@@ -117,7 +117,7 @@ def prepare_journal(path: Path) -> Damage | None:
 
 
 def _gone(path: Path, record: CommitCount | None) -> Damage | None:
-    """Begin anew where there is no database; put aside what is left of one."""
+    """Start a new journal where there is no database, and move away what is left of an old one."""
     wal = Path(f"{path}-wal")
     if not wal.exists() and (record is None or not record.committed):
         return None
@@ -131,7 +131,7 @@ def _gone(path: Path, record: CommitCount | None) -> Damage | None:
 
 
 def _copied(content: JournalContent, found: Findings, path: Path) -> Path:
-    """Write a new database with all that is right."""
+    """Write a new database with everything that is intact."""
     rebuilt = Path(f"{path}.new")
     for suffix in ("", "-wal", "-shm"):
         Path(f"{rebuilt}{suffix}").unlink(missing_ok=True)
@@ -140,7 +140,7 @@ def _copied(content: JournalContent, found: Findings, path: Path) -> Path:
             for number, row, sound in content.rows(table):
                 if not sound or (table in _OF_PROGRAMS and row["program"] not in found.kept):
                     continue
-                # the sums are made anew; an older version has columns that are gone
+                # sums are computed again; an older version has columns that were removed
                 values = {name: row[name] for name in NAMES[table] if name not in _SUM_COLUMNS}
                 connection.execute(*insertion(table, id=number, **values))
         connection.execute("UPDATE sums SET rows=? WHERE of=?", (found.commits, COMMITS))
@@ -156,12 +156,12 @@ _SUM_COLUMNS = ("chunk_rows", "chunk_sum")
 
 
 def _put_in_place(path: Path, rebuilt: Path, kept: Path | None) -> None:
-    """Replace a database, whose log must be gone before: it would be taken for the new one's."""
+    """Replace a database after removing its log, which would be taken for the new one's."""
     if kept is None:
         with contextlib.closing(sqlite3.connect(path)) as connection:
             connection.execute("PRAGMA journal_mode=DELETE")
     else:
-        # the database last: until then a start finds it, and that its log is lost
+        # the database last: until then a start finds it, and notices that its log is lost
         for source, target in reversed(_files(path, kept)):
             if source == path:
                 shutil.copy2(source, target)

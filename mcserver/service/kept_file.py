@@ -1,4 +1,4 @@
-"""Small files beside the journal that have to be whole whenever the server ends."""
+"""Small files beside the journal that are written atomically."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from pathlib import Path
 
 log = logging.getLogger(__name__)
 
-# runs what writes, which raises `OSError` where it cannot
+# runs a function that writes, and raises `OSError` if it cannot
 Write = Callable[[Callable[[], None]], None]
 
 
 def private(path: str, flags: int) -> int:
-    """Open a file that only its owner reads; the ``opener`` of `open`."""
+    """Open a file readable only by its owner; the ``opener`` of `open`."""
     return os.open(path, flags, 0o600)
 
 
 def replace_file(path: Path, content: bytes) -> None:
-    """Write a file anew: whoever reads it, after a power cut too, finds all of the old one or of the new one.
+    """Replace a file atomically: readers, after a power cut too, find all of the old or of the new content.
 
     Raises:
-        OSError: it cannot be written; the old one is as it was.
+        OSError: it cannot be written; the old content is unchanged.
     """
     aside = path.with_name(f"{path.name}.new")
     with open(aside, "wb", opener=private) as file:
@@ -35,22 +35,22 @@ def replace_file(path: Path, content: bytes) -> None:
     os.replace(aside, path)
     folder = os.open(path.parent, os.O_RDONLY | os.O_CLOEXEC)
     try:
-        # the new name, too
+        # sync the new name, too
         os.fsync(folder)
     finally:
         os.close(folder)
 
 
 def with_checksum(content: bytes) -> bytes:
-    """Return what a file is to hold: one line, and its checksum in another."""
+    """Return the content of a file: one line, and its checksum in another."""
     return b"%b\n%08x\n" % (content, zlib.crc32(content))
 
 
 def without_checksum(held: bytes) -> bytes:
-    """Return the content of a file as it was written; one of before there was a checksum is one line.
+    """Return a file's content after verifying it; files from before the checksum have one line.
 
     Raises:
-        ValueError: it is not as it was written.
+        ValueError: it is damaged.
     """
     content, line_end, checksum = held.partition(b"\n")
     if line_end and held != with_checksum(content):
@@ -61,33 +61,33 @@ def without_checksum(held: bytes) -> bytes:
 
 
 def write_at_once(run: Callable[[], None]) -> None:
-    """Write in the caller's thread; what fails is in memory alone."""
+    """Write in the caller's thread; after an error the content is only in memory."""
     with contextlib.suppress(OSError):
         run()
 
 
 class KeptFiles:
-    """Files whose newest content is written in whatever thread its owner has for that.
+    """Files whose newest content is written in the thread that its owner chooses.
 
     Args:
-        code: of an error, for the log. what: is kept in them, for people.
-        write: may wait for the disk; each call of it is behind the one before, and what fails is tried again.
+        code: of an error, for the log. what: the content, for people.
+        write: may wait for the disk; its calls are in order, and after an error they are repeated.
 
     Attributes:
-        failure: why they could not be written; empty: they could, or nothing has been tried.
+        failure: of the last write; empty: it succeeded, or there was none.
     """
 
     def __init__(self, code: str, what: str, write: Write) -> None:
         self.failure = ""
         self._code, self._what = code, what
         self._write = write
-        # one write is ordered at a time, and takes the newest
+        # one write is scheduled at a time, and takes the newest content
         self._lock = threading.Lock()
         self._waiting: dict[Path, bytes] = {}
         self._ordered = False
 
     def put(self, files: Mapping[Path, bytes]) -> None:
-        """Have files written; those of one call in the order of their names."""
+        """Schedule writing of files; those of one call in the order of their names."""
         with self._lock:
             self._waiting |= files
             ordered, self._ordered = self._ordered, True

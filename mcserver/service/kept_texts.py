@@ -1,4 +1,4 @@
-"""Long programs that clients hand over by parts, to be checked and simulated: files beside the journal."""
+"""Long programs that clients upload in parts for check and simulation, as files beside the journal."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from mcserver.errors import Refused
 from mcserver.gcode.switches import Switches
 from mcserver.service.kept_file import private
 
-# Texts that are kept, the latest used; of one text, and of all [bytes].
+# Most texts kept, the last used ones; most bytes of one text, and of all together.
 TEXTS = 8
 TEXT_BYTES = 512 << 20
 ALL_BYTES = 1 << 30
-# What stays free on the disk, which is the journal's too [bytes].
+# Space to leave free on the disk, which the journal uses too [bytes].
 FREE_BYTES = 256 << 20
 _FILE = re.compile(r"[0-9a-f]{1,64}\.gcode")
 
 
 class KeptText:
-    """One text.
+    """An uploaded text.
 
     Attributes:
-        sha256: of the whole of it. size: of the whole of it [bytes]. received: so much is there [bytes].
-        lines: how many it has so far. path: the file. complete: all is there, and is what the hash says.
-        checked: the switches with which a check has found no fault in it; None: there was none.
+        sha256, size: of the whole text [bytes]. received: so far [bytes].
+        lines: received so far. path: of the file. complete: everything is received and matches the hash.
+        checked: switches of a check without faults; None: there was none.
     """
 
     def __init__(self, sha256: str, size: int, path: Path) -> None:
@@ -43,10 +43,10 @@ class KeptText:
         self._last = b"\n"
 
     def append(self, part: bytes) -> None:
-        """Write the next part.
+        """Append the next part.
 
         Raises:
-            OSError: it cannot be written; nothing of it is kept.
+            OSError: it cannot be written; nothing of the part is kept.
         """
         with open(self.path, "r+b" if self.received else "wb", opener=private) as file:
             file.seek(self.received)
@@ -57,16 +57,16 @@ class KeptText:
         self._last = part[-1:] or self._last
         self._digest.update(part)
         if self.received == self.size:
-            # a last line without an end counts too
+            # count a last line without a line end
             self.lines += self._last != b"\n"
             self.complete = self._digest.hexdigest() == self.sha256
 
 
 class KeptTexts:
-    """The texts of one start of a service.
+    """Texts uploaded in one start of a service.
 
     Args:
-        folder: for them; what an earlier start left in it goes.
+        folder: of the files; those of an earlier start are removed.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -75,14 +75,14 @@ class KeptTexts:
         self._remove_files()
 
     def take(self, sha256: str, size: int, offset: int, part: bytes) -> KeptText:
-        """Take a part of a text; writes to the disk, for one caller at a time.
+        """Store a part of a text; writes to the disk, by one caller at a time.
 
         Args:
-            size: of the whole text [bytes]. offset: of the part [bytes]; one that does not begin where the
-                parts before it end changes nothing.
+            size: of the whole text [bytes]. offset: of the part [bytes]; a part that does not begin at the
+                end of those before changes nothing.
 
         Raises:
-            Refused: MC591 there is no room for it; MC590 the text is not what its hash says.
+            Refused: MC591 no room; MC590 the text does not match its hash.
         """
         text = self._texts.get(sha256)
         if text is None or text.size != size:
@@ -100,10 +100,10 @@ class KeptTexts:
         return text
 
     def find(self, sha256: str) -> KeptText:
-        """Return a text that is there as a whole.
+        """Return a complete text.
 
         Raises:
-            Refused: MC590 it is not.
+            Refused: MC590 it is not complete.
         """
         text = self._texts.get(sha256)
         if text is None or not text.complete:
@@ -112,7 +112,7 @@ class KeptTexts:
         return text
 
     def has(self, sha256: str | None) -> bool:
-        """Return whether a text is there as a whole."""
+        """Return whether a text is complete."""
         text = self._texts.get(sha256 or "")
         return text is not None and text.complete
 
@@ -142,7 +142,7 @@ class KeptTexts:
         return text
 
     def _remove_files(self) -> None:
-        """Remove files named like texts, and the folder where it is empty then; nothing else."""
+        """Remove files named like texts, and the folder if it is then empty; nothing else."""
         with contextlib.suppress(OSError):
             for each in self._folder.iterdir():
                 if _FILE.fullmatch(each.name):
@@ -150,7 +150,7 @@ class KeptTexts:
             self._folder.rmdir()
 
     def _drop(self, sha256: str) -> None:
-        """Forget a text; who reads its file still reads on."""
+        """Remove a text; readers that have its file open can continue."""
         text = self._texts.pop(sha256, None)
         if text is not None:
             text.path.unlink(missing_ok=True)

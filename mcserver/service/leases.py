@@ -1,14 +1,14 @@
 """Leases: which program may move which axes.
 
-A program gets all its axes and one executor slot at once, in the order of asking, and gives them back at its
-end. Since nothing is ever held while waiting for more, programs cannot deadlock. A program that waits keeps
-its place: one behind it passes only if it needs none of its axes.
+A program gets all its axes and one program slot at once, in the order of requests, and releases them at its
+end. Since nothing is held while waiting for more, programs cannot deadlock. A waiting program keeps its
+place: a later one passes it only if it needs none of its axes.
 
-A program that stands at a pause lends its axes: to what a person does by hand meanwhile, not to programs that
-wait for its end. They come back when the pause ends, which waits for whoever has them.
+A program at a pause lends its axes for motion by hand, not to programs that wait for its end. They are
+returned when the pause ends, which waits for the borrowers.
 
-A planner that is behind may still put rows for a program that has ended into the slot that was its own. So
-nobody gets that slot before the planner has forgotten the program: the rows would be played for another one.
+A planner that is behind may still put rows of a program that has ended into its slot. So the slot is not
+granted again before the planner has forgotten the program: the rows would be played for another one.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from mcserver.executor.shm.mailbox import SLOTS
 
 
 class Grant(msgspec.Struct, frozen=True):
-    """A lease: the program, its axes, and the executor's slot that plays it."""
+    """A lease: the program, its axes, and its program slot."""
 
     program: str
     axes: frozenset[int]
@@ -29,19 +29,19 @@ class Grant(msgspec.Struct, frozen=True):
 
 
 class LeaseTable:
-    """Who holds and who waits. Plain bookkeeping; nothing here moves anything.
+    """Holders and waiting programs. Pure bookkeeping without effect on motion.
 
     Args:
-        slots: how many programs can run side by side.
+        slots: most programs that can run side by side.
     """
 
     def __init__(self, slots: int = SLOTS) -> None:
         self._free_slots = list(range(slots))
-        # slots of programs that have ended and that the planner knows still
+        # slots of ended programs that the planner has not forgotten yet
         self._left: dict[str, int] = {}
         self._held: dict[str, Grant] = {}
         self._waiting: dict[str, frozenset[int]] = {}
-        # axes of programs that stand at a pause, and the programs that may have such axes
+        # axes lent by programs at a pause, and the programs that may borrow
         self._lent: dict[str, frozenset[int]] = {}
         self._borrowers: set[str] = set()
 
@@ -49,10 +49,10 @@ class LeaseTable:
         """Queue ``program`` for ``axes``; return what can start now (this program or nothing).
 
         Args:
-            at_pause: it may have axes of a program that stands at a pause.
+            at_pause: it may borrow axes of a program at a pause.
 
         Raises:
-            ValueError: no axis, or the program has asked already.
+            ValueError: no axis, or the program has requested already.
         """
         wanted = frozenset(axes)
         if not wanted:
@@ -65,7 +65,7 @@ class LeaseTable:
         return self._grant()
 
     def lend(self, program: str, axes: Iterable[int]) -> None:
-        """Let others have axes that a program holds, as long as it stands at a pause."""
+        """Lend axes that a program holds, while it is at a pause."""
         self._lent[program] = self._held[program].axes & frozenset(axes)
 
     def lent(self, program: str) -> frozenset[int]:
@@ -73,14 +73,14 @@ class LeaseTable:
         return self._lent.get(program, frozenset())
 
     def take_back(self, program: str) -> None:
-        """End what a program lends; no other one may hold any of it."""
+        """End lending by a program; no other program may hold any of the axes."""
         self._lent.pop(program, None)
 
     def release(self, program: str, *, planned: bool) -> list[Grant]:
-        """Give back what ``program`` holds or waits for; return what can start now, in order.
+        """Release what ``program`` holds or waits for; return what can start now, in order.
 
         Args:
-            planned: the planner may know it; then its slot is free only once it is `forgotten`.
+            planned: the planner may know it; its slot is then free only when `forgotten`.
         """
         self._waiting.pop(program, None)
         self._borrowers.discard(program)
@@ -93,8 +93,9 @@ class LeaseTable:
         return self._grant()
 
     def forgotten(self, program: str | None) -> list[Grant]:
-        """The planner puts nothing any more for a program that has ended; None: for any of them. Returns what
-        can start now, in order.
+        """Free the slot of an ended program whose planner puts no more rows (None: all such slots).
+
+        Returns what can start now, in order.
         """
         for each in list(self._left) if program is None else [program]:
             slot = self._left.pop(each, None)
@@ -104,10 +105,10 @@ class LeaseTable:
         return self._grant()
 
     def holder(self, axis: int, *, at_pause: bool = False) -> str | None:
-        """Return the program that has ``axis``.
+        """Return the program that holds ``axis``.
 
         Args:
-            at_pause: leave out one that lends it.
+            at_pause: ignore one that lends it.
         """
         lender: str | None = None
         for grant in self._held.values():
@@ -118,18 +119,18 @@ class LeaseTable:
         return None if at_pause else lender
 
     def borrower(self, program: str) -> str | None:
-        """Return the first program that has, or waits for, axes that ``program`` lends."""
+        """Return the first program that holds, or waits for, axes lent by ``program``."""
         lent = self.lent(program)
         asked = {grant.program: grant.axes for grant in self._held.values()} | self._waiting
-        # in the order in which they got them, then in which they wait
+        # holders in order of grants, then waiting ones in order of requests
         return next((each for each in asked if each in self._borrowers and asked[each] & lent), None)
 
     def grant_of(self, program: str) -> Grant | None:
-        """Return what a program holds; None: nothing, or it waits."""
+        """Return the lease of a program; None if it has none, or waits."""
         return self._held.get(program)
 
     def _grant(self) -> list[Grant]:
-        # what is lent is free for those that may have it only
+        # lent axes are only free for borrowers
         taken: set[int] = set()
         moved: set[int] = set()
         for grant in self._held.values():
@@ -145,7 +146,7 @@ class LeaseTable:
                 del self._waiting[program]
                 self._held[program] = grant
                 started.append(grant)
-            # axes of one that waits are spoken for: none behind it takes them
+            # axes of a waiting program are reserved: no later one takes them
             taken |= axes
             if borrows:
                 moved |= axes

@@ -1,4 +1,4 @@
-"""Lines from clients into their programs: numbered without a gap, journaled, judged, acknowledged."""
+"""Accept lines from clients into programs: numbered without gaps, journaled, validated, acknowledged."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ VERDICT_LIMIT_S = 0.05
 
 
 class LineIntake:
-    """Take the lines of open programs, in the asyncio loop."""
+    """Accepts lines of open programs, in the event loop."""
 
     def __init__(self, table: ProgramTable, loop: asyncio.AbstractEventLoop) -> None:
         self._table = table
@@ -32,15 +32,15 @@ class LineIntake:
         *,
         judge: bool = True,
     ) -> asyncio.Task[Program]:
-        """Take lines, now; the result comes once they are journaled and, within a limit, validated.
+        """Accept lines at once; the result comes once they are journaled and, within a time limit, validated.
 
         Args:
-            rejections: how many the client knew of when it gave them the numbers; None: not said.
+            rejections: count that the client knew of when it numbered the lines; None: not given.
 
         Raises:
-            ServiceError: MC503, MC504, MC505 a gap or lines of before a rejection, MC510 closed, MC519. The
-                result may be `RejectedLines` (a line is faulty; those before it are taken) or MC519 (they
-                cannot be journaled now).
+            ServiceError: MC503, MC504, MC505 a gap, or lines numbered before a rejection, MC510 closed,
+                MC519. The result may be `RejectedLines` (a line is faulty; those before it are accepted) or
+                MC519 (they cannot be journaled now).
         """
         program = owned_program(self._table.programs, client, program_id)
         self._take(program, first, lines, rejections)
@@ -53,7 +53,7 @@ class LineIntake:
 
     def _begun(self, answer: Coroutine[Any, Any, Program]) -> asyncio.Task[Program]:
         task = self._loop.create_task(answer)
-        # who does not wait for it hears of an error by an acknowledgement
+        # if nobody awaits it, an acknowledgement reports the error
         task.add_done_callback(lambda done: done.cancelled() or done.exception())
         return task
 
@@ -62,7 +62,7 @@ class LineIntake:
     ) -> Program:
         while not verdict.done():
             await asyncio.wait([verdict], timeout=VERDICT_LIMIT_S)
-            # only what is journaled is ever acknowledged
+            # acknowledge only what is journaled
             if program.journaled >= through:
                 give(verdict, Verdict.TAKEN)
         if verdict.result() is Verdict.REJECTED and program.rejected <= last:
@@ -78,7 +78,7 @@ class LineIntake:
         lines: Sequence[str],
         rejections: int | None = None,
     ) -> None:
-        """Take lines that were put without asking; whatever happens is said by an acknowledgement.
+        """Accept lines that were sent without a request; the answer is an acknowledgement in any case.
 
         Args:
             rejections: as of `submit`.
@@ -93,13 +93,13 @@ class LineIntake:
             self._table.acks.acknowledge(program, program.queue.expected if gap else 0)
 
     def close(self, client: str, program_id: str, last: int | None = None) -> asyncio.Task[Program]:
-        """Take no more lines; the result comes once the journal has those accepted, and that they are all.
+        """Accept no more lines; the result comes once the journal has all accepted lines, and the close.
 
         Args:
-            last: close only if lines through this number are there.
+            last: close only if lines up to this number have been accepted.
 
         Raises:
-            ServiceError: MC503, MC504, MC505 line ``last`` is not there yet, MC519 lines cannot be journaled.
+            ServiceError: MC503, MC504, MC505 line ``last`` is missing, MC519 lines cannot be journaled.
         """
         program = owned_program(self._table.programs, client, program_id)
         if not program.over:
@@ -110,7 +110,7 @@ class LineIntake:
         return self._begun(known)
 
     async def recorded(self, program: Program) -> Program:
-        """Return the program once the journal has what has become of it so far.
+        """Return the program once the journal has everything about it so far.
 
         Raises:
             ServiceError: MC519 it cannot be journaled.
@@ -133,12 +133,12 @@ class LineIntake:
             self._table.lines(program, taken.first, taken.lines)
 
     def _check_journal(self, program: Program, through: int | None = None) -> None:
-        """Refuse what the journal cannot take now; with ``through`` only if these lines are not in it."""
+        """Refuse what the journal cannot store now; with ``through`` only if these lines are not in it."""
         if self._table.journal_failure and (through is None or program.journaled < through):
             raise self.unjournaled(program)
 
     def unjournaled(self, program: Program | None = None) -> Refused:
-        """Return the refusal of what the journal cannot take."""
+        """Return the refusal of what the journal cannot store."""
         return Refused(
             "MC519",
             f"the journal cannot be written: {self._table.journal_failure}",
@@ -157,17 +157,17 @@ def take_lines(
     """Take lines into a program's queue.
 
     Args:
-        rejections: as of `LineIntake.submit`. check: raises where lines that are new cannot be taken now.
+        rejections: as in `LineIntake.submit`. check: raises if new lines cannot be accepted now.
 
     Returns:
-        Those that are new; None: all of it is there, and is acknowledged again.
+        The new lines; None: all were accepted before, and are acknowledged again.
 
     Raises:
-        ServiceError: MC505 a gap or lines of before a rejection, MC510 it takes no more.
+        ServiceError: MC505 a gap, or lines numbered before a rejection, MC510 it accepts no more.
     """
     of_now = _of_now(program, rejections)
     if of_now and first + len(lines) - 1 <= program.queue.accepted:
-        # whatever has become of the program since
+        # whatever the state of the program
         return None
     if not program.takes_lines:
         raise Refused(
@@ -179,7 +179,7 @@ def take_lines(
             **numbers_of(program),
         )
     if not of_now:
-        # they were given before a line was rejected: their numbers are those of other lines now
+        # numbered before a line was rejected: these numbers now belong to other lines
         raise Refused(
             "MC505",
             f"lines from {first} on were given when {rejections} lines had been rejected, now it is"
@@ -200,13 +200,13 @@ def take_lines(
 
 
 def check_last(program: Program, last: int | None) -> None:
-    """Refuse the end of a program before all of its lines are there.
+    """Refuse the end of a program before all of its lines are accepted.
 
     Args:
-        last: of its lines; None: that which is there.
+        last: of its lines; None: the last accepted one.
 
     Raises:
-        ServiceError: MC505 it is not there yet.
+        ServiceError: MC505 it is missing.
     """
     if last is not None and program.queue.accepted < last:
         raise Refused(
@@ -218,12 +218,12 @@ def check_last(program: Program, last: int | None) -> None:
 
 
 def _of_now(program: Program, rejections: int | None) -> bool:
-    """Return whether lines that were given at this count of rejections have the numbers of now."""
+    """Return whether lines sent at this count of rejections have current numbers."""
     return rejections is None or rejections == program.epoch
 
 
 def numbers_of(program: Program) -> dict[str, object]:
-    """Return what a refusal of lines says of where the program is."""
+    """Return the program's line numbers for a refusal of lines."""
     return {
         "expected": program.queue.expected,
         "accepted": program.journaled,

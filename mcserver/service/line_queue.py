@@ -1,7 +1,7 @@
 """Numbering and credit of one program's lines (docs/wire/lines.md).
 
-The server takes line n only if it is the next one. A repeat is acknowledged again and never executed again; a
-gap is refused with the number expected. Credit bounds what waits, in lines and in bytes.
+Line n is accepted only if it is the next one. A repeat is acknowledged again and never executed again; a gap
+is refused with the expected number. Credit bounds the waiting lines, in number and in bytes.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ QUEUE_BYTES = 32 * 1024 * 1024
 
 
 class LineBatch(msgspec.Struct, frozen=True):
-    """Lines taken into the queue: ``first`` and the lines (none where all were repeats or none fits)."""
+    """Lines accepted into the queue, from ``first`` on; empty if all are repeats, or none fits."""
 
     first: int
     lines: Sequence[str]
 
 
 class Gap(msgspec.Struct, frozen=True):
-    """The message starts behind the line expected; nothing was taken."""
+    """The message starts after the expected line; nothing was accepted."""
 
     expected: int
 
@@ -32,7 +32,7 @@ class LineQueue:
     """Counts the lines of one program from acceptance to the planner.
 
     Args:
-        start_line: the first number that is taken.
+        start_line: first number to accept.
         limit_lines, limit_bytes: bounds of what waits for the planner.
     """
 
@@ -44,17 +44,17 @@ class LineQueue:
         self._limit_lines = limit_lines
         self._limit_bytes = limit_bytes
         self._waiting_bytes = 0
-        # (last line, bytes) of each message that waits
+        # (last line, bytes) of each waiting message
         self._chunks: deque[tuple[int, int]] = deque()
 
     @property
     def expected(self) -> int:
-        """The next line's number."""
+        """Number of the next line."""
         return self.accepted + 1
 
     @property
     def credit(self) -> int:
-        """How many lines after ``accepted`` fit now."""
+        """Count of lines after ``accepted`` that fit now."""
         if self._waiting_bytes >= self._limit_bytes:
             return 0
         return max(0, self._limit_lines - (self.accepted - self.consumed))
@@ -64,7 +64,7 @@ class LineQueue:
         return self._limit_lines
 
     def take(self, first: int, lines: Sequence[str]) -> LineBatch | Gap:
-        """Take what is new and fits of lines ``first``, ``first + 1``, …"""
+        """Accept those of lines ``first``, ``first + 1``, … that are new and fit."""
         expected = self.accepted + 1
         if first > expected:
             return Gap(expected)
@@ -75,7 +75,7 @@ class LineQueue:
             lines = lines[:credit]
         if not lines:
             return LineBatch(expected, ())
-        # code points, a good enough measure of memory; the message's size bounds what one step can add
+        # code points, a good enough measure of memory; the size of messages bounds each step
         size = sum(map(len, lines))
         self.accepted += len(lines)
         self._waiting_bytes += size
@@ -83,7 +83,7 @@ class LineQueue:
         return LineBatch(expected, lines)
 
     def consume(self, through: int) -> None:
-        """Note that the planner has taken lines through this number."""
+        """Note that the planner has taken lines up to this number."""
         if through <= self.consumed:
             return
         self.consumed = through
@@ -91,7 +91,7 @@ class LineQueue:
             self._waiting_bytes -= self._chunks.popleft()[1]
 
     def reject(self, line: int) -> None:
-        """Line ``line`` is faulty: it is the next one expected again, and nothing waits."""
+        """Expect the faulty line ``line`` again, and drop all waiting lines."""
         self.accepted = line - 1
         self.consumed = line - 1
         self._chunks.clear()

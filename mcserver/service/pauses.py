@@ -1,9 +1,9 @@
-"""Programs that stand at a pause: what others may do meanwhile, and how they go on (D-05).
+"""Programs at a pause: what others may do meanwhile, and how the programs continue (D-05).
 
-At M00, M01 and a tool change a program lends the axes that are at rest, so that a person can jog, home, probe
-and set zero with the new tool. The pause ends only when nobody has them any more; then the program goes on
-from where the axes stand, with the work offsets and tools of then. What was changed is journaled, so that
-whoever goes on with the program later has it too.
+At M00, M01 and a tool change a program lends its axes that are at rest, so that a person can jog, home, probe
+and set the zero with the new tool. The pause ends only when all are returned; then the program continues from
+the axes' positions, with the work offsets and tools then in force. Changes are journaled, for whoever
+continues the program later.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from mcserver.service.program import Program
 
 
 class _Pause(msgspec.Struct, frozen=True):
-    """A pause at which a program stands.
+    """A pause of a program.
 
     Attributes:
-        state: of the machine as it began. line: of the pause; nth: how often at it in a row, from 1.
-        ahead: nothing of the line has moved.
+        state: of the machine when it began. line: of the pause. nth: of consecutive pauses there, from 1.
+        ahead: before any motion of the line.
     """
 
     state: StartState
@@ -37,10 +37,10 @@ class _Pause(msgspec.Struct, frozen=True):
 
 
 class Pauses:
-    """Lends axes at the beginning of pauses and takes them back at their ends.
+    """Lends axes when pauses begin, and takes them back when they end.
 
     Args:
-        programs: all, by id. state: of the machine now.
+        programs: all, by id. state: returns the machine's present state.
     """
 
     def __init__(
@@ -56,11 +56,11 @@ class Pauses:
         self._programs = programs
         self._journal = journal
         self._state = state
-        # the last one of each program that has not ended
+        # last pause of each program that has not ended
         self._pauses: dict[str, _Pause] = {}
 
     def began(self, program: Program, line: int, lent: int) -> None:
-        """Lend axes of a program that stands at a pause; ``lent``: mask of columns."""
+        """Lend axes of a program that has reached a pause; ``lent``: mask of columns."""
         before = self._pauses.get(program.program)
         nth = before.nth + 1 if before is not None and before.line == line else 1
         ahead = program.progress.started < line
@@ -69,7 +69,7 @@ class Pauses:
         self._leases.lend(program.program, axes)
 
     def without_kept(self, axes: Sequence[int]) -> tuple[int, ...]:
-        """Return the axes that no program at a pause keeps for itself, such as a spindle that turns on."""
+        """Remove the axes that a program at a pause does not lend, such as a spindle that keeps turning."""
         kept: set[int] = set()
         for name in self._pauses:
             grant = self._leases.grant_of(name)
@@ -78,11 +78,11 @@ class Pauses:
         return tuple(axis for axis in axes if axis not in kept)
 
     def refuse_lent(self, program: Program) -> None:
-        """Refuse to end a pause while axes of the program are used, or may not be where they are.
+        """Refuse to end a pause while axes of the program are in use, or at positions that are not allowed.
 
         Raises:
-            ServiceError: MC460 an approved run may not go on from where an axis stands; MC512 another program
-                has an axis, or it moves by itself.
+            ServiceError: MC460 an approved run may not continue from an axis's position; MC512 another
+                program has an axis, or it is moving.
         """
         borrower = self._leases.borrower(program.program)
         if borrower is not None:
@@ -118,7 +118,7 @@ class Pauses:
                 )
 
     def end(self, program: Program) -> PauseEnd:
-        """Take back what a program lends; return what has changed."""
+        """Take back what a program lends; return the changes."""
         pause = self._pauses[program.program]
         now = self._state()
         positions = {
@@ -133,7 +133,7 @@ class Pauses:
         return end
 
     def offsets_changed(self) -> None:
-        """Keep new work offsets and tools for programs that stand at a pause, should they be gone on with."""
+        """Journal new work offsets and tools for programs at a pause, in case they are continued later."""
         for name, pause in self._pauses.items():
             program = self._programs[name]
             if program.paused and pause.ahead:
@@ -141,7 +141,7 @@ class Pauses:
                 self._record(program, PauseEnd({}, frame, pause.line, pause.nth, over=False))
 
     def forget(self, program: Program) -> None:
-        """Forget a program that has ended."""
+        """Remove a program that has ended."""
         self._pauses.pop(program.program, None)
 
     def _changed_frame(self, pause: _Pause, now: StartState) -> Frame | None:

@@ -1,4 +1,4 @@
-"""Carry out the planner's events on the programs of a machine."""
+"""Apply the planner's events to the programs of a machine."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from mcserver.service.reports import Fault, wire_diagnostic
 if TYPE_CHECKING:
     from mcserver.service.program_table import ProgramTable
 
-# Between two looks whether the programs of a planner that has ended are at rest.
+# Interval for checking whether the programs of a planner that has ended are at rest.
 AT_REST_S = 0.02
 
 
 class PlannerReports:
-    """Take the planner's events for the programs of a table."""
+    """Handles the planner's events for the programs of a table."""
 
     def __init__(self, table: ProgramTable) -> None:
         self._table = table
@@ -92,7 +92,7 @@ class PlannerReports:
                     self._fail(program, event.diagnostic)
 
     def _planner_failed(self, event: PlannerFailed) -> None:
-        """Stop the program that the planner failed with, or all of them."""
+        """Stop the program at which the planner failed, or all."""
         for program in list(self._table.programs.values()):
             if program.over or event.program not in ("", program.program):
                 continue
@@ -100,12 +100,12 @@ class PlannerReports:
             hint = "this is a defect of the server; its log tells more. Open the program again"
             self._fail(program, Diagnostic("MC516", message, program.progress.started, hint=hint))
         if not event.program:
-            # it puts nothing any more, and the next one knows none of them
+            # the ended planner puts no more rows, and the next one knows none of its programs
             self._table.start(self._table.leases.forgotten(None))
             self._end_at_rest()
 
     def _fail(self, program: Program, found: Diagnostic) -> None:
-        """Stop a program for what the planner has found; it may say so again until it hears of the stop."""
+        """Stop a program for a fault found by the planner, which may repeat it until it gets the stop."""
         if program.over or program.state == "ending":
             return
         fault = Fault(
@@ -117,15 +117,17 @@ class PlannerReports:
             t=self._table.time.now(),
         )
         if not program.by_hand:
-            # nothing is latched; a person who jogs hears it by the jog's end
+            # not latched; whoever jogs learns of it at the jog's end
             self._table.events.publish(
                 "fault", fault=fault, program=fault.program, line=fault.line, message=fault.message
             )
         self._table.stop(program, "faulted", fault.message, fault)
 
     def _end_at_rest(self) -> None:
-        """End programs that are at rest after the planner's process has ended: the executor's event that says
-        so may have gone with it."""
+        """End programs that are at rest after the planner's process has ended.
+
+        The executor's event of their end may be lost with the planner.
+        """
         ending = [program for program in self._table.programs.values() if program.state == "ending"]
         for program in ending:
             if program.slot is not None and self._table.port.ended(program.slot):
@@ -135,7 +137,7 @@ class PlannerReports:
 
     def _consumed(self, program: Program, event: Consumed) -> None:
         if event.through > program.queue.accepted:
-            # of lines before a rejection
+            # numbered before a rejection
             return
         program.queue.consume(event.through)
         limit = program.queue.limit

@@ -1,4 +1,4 @@
-"""One program as the service keeps it: its numbers, its state, and who waits for it."""
+"""State of one program in the service, and who waits for it."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from mcserver.service.target_stream import TargetStream
 from mcserver.service.timeline import RunClock
 from mcserver.service.tool_use import ToolUse
 
-# messages of lines that are planned and not reached yet; a program that says more is no program
+# most messages of planned lines that have not been reached yet
 MESSAGES = 1000
 
 
 class Verdict(IntEnum):
-    """What a waiting submit learns."""
+    """Answer to a waiting submit."""
 
     TAKEN = 0
     REJECTED = 1
@@ -40,7 +40,7 @@ class Verdict(IntEnum):
 
 
 class Program:
-    """Bookkeeping of one open or lately ended program; belongs to the loop."""
+    """State of one open or recently ended program; used only in the loop."""
 
     def __init__(
         self,
@@ -64,69 +64,69 @@ class Program:
         self.resume_of = options.resume_of
         self.opened_at = opened_at
         self.grace_s = options.grace_s
-        # of the whole text, if the client said it: what was simulated of it tells its time
+        # of the whole text, if the client gave it: selects the simulated times
         self.sha256 = options.sha256
         self.clock = RunClock(start_line)
         self.queue = queue
         self.state: ProgramState = "queued"
-        # for the pipeline, until it begins
+        # for the pipeline, before it begins
         self.modal: ModalState | None = None
         self.slot: int | None = None
-        # work offsets and tools as it had them last: what differs from them it has changed itself
+        # its last work offsets and tools: differences from them are its own changes
         self.frame = Frame()
-        # all of a program that needs no planner; and whether it may move axes that are not homed
+        # the whole of a program without planner; and whether it may move axes that are not homed
         self.controls = tuple(options.controls)
         self.unhomed = options.unhomed
-        # what its client streams, in servo mode
+        # targets streamed in servo mode
         self.targets: TargetStream | None = None
-        # the machine as it began, or as the one did that it goes on with, and what others changed at its
-        # pauses; None: it has not begun
+        # state of the machine when it began, or when the program began that it continues, with others'
+        # changes at its pauses; None: not begun
         self.origin: StartState | None = None
-        # it may have axes of a program that stands at a pause
+        # it may borrow axes of a program at a pause
         self.at_pause = options.at_pause
-        # moved by hand: a jog, homing; in machine coordinates, at its own speed whatever the override
+        # motion by hand: jog or homing; in machine coordinates, at its own speed whatever the override
         self.by_hand = options.by_hand
-        # lines in machine coordinates that bring the axes to where its first line starts
+        # lines in machine coordinates that move the axes to the start of its first line
         self.approach: Sequence[str] = ()
         # executor time of the newest cycle before it began [s]
         self.begun = 0.0
-        # counts rejections: what the planner says about lines of an earlier epoch no longer matters, and what
-        # clients give for one is not taken
+        # count of rejections: planner reports about lines of an earlier count are ignored, and lines numbered
+        # at one are refused
         self.epoch = 0
         self.journaled = start_line - 1
         self.validated = start_line - 1
         self.progress = LineProgress(start_line)
         self.tool_use = ToolUse()
-        # where what has been planned ends on the executor's time axis of this program [cycles]
+        # end of the planned motion on the program's time axis in the executor [cycles]
         self.planned_end_u: float | None = None
-        # lines through this one have ended, and the journal has it: the one number that is ever said
+        # lines up to this one have ended and are journaled: the only number that is reported
         self.done = start_line - 1
         self.eta_s: float | None = None
-        # what lines say to the operator once the program has come there, and what was said last
+        # messages of lines for the operator, due once the program is there, and the last one that was due
         self.messages: deque[ProgramMessage] = deque(maxlen=MESSAGES)
         self.notice = ""
-        # the tool that it waits for at a change; None: for none
+        # tool that a tool change waits for; None: none
         self.asks_for: int | None = None
-        # the input that it waits for, and the program before whose bodies it stands; empty: for none
+        # input that it waits for, and program that it waits for to leave; empty: none
         self.waits_for = self.waits_before = ""
         self.closed = bool(options.controls)
         self.held = options.hold
-        # names of the inputs that hold it; empty: none does
+        # names of the inputs that hold it; empty: none
         self.held_by = ""
-        # the place in `Clearance.switches` of what has switched on a zone before it; None: nothing has since
+        # index in `Clearance.switches` of the last input that switched on a zone before it; None: none
         self.zone_switch: int | None = None
-        # it waits at M00, M01 or a tool change, held or not, of this line
+        # at a pause by M00, M01 or a tool change, held or not; and its line
         self.paused = False
         self.paused_at = 0
         self.override = 1.0
-        # what an approved run has to stay within
+        # envelope to stay within, of an approved run
         self.envelope = options.envelope
-        # the greatest override that whoever armed the program allows
+        # greatest override that the arming allows
         self.override_limit = options.override_limit
         self.rejected = 0
         self.diagnostics: list[WireDiagnostic] = []
         self.fault: Fault | None = None
-        # nothing of it runs any more; its end is said once it is in the journal
+        # nothing of it runs any more; its end is reported once it is journaled
         self.over = False
         self.ended_at: float | None = None
         self.ended_as: ProgramState = "finished"
@@ -137,7 +137,7 @@ class Program:
         self._ended_status: ProgramStatus | None = None
         self._waiting: deque[tuple[int, asyncio.Future[Verdict]]] = deque()
         self._waiting_for_journal: deque[tuple[int, asyncio.Future[Verdict]]] = deque()
-        # of those that wait for more than lines: its opening, its close
+        # of waits for records other than lines: opening, close
         self._waiting_for_records: deque[asyncio.Future[Verdict]] = deque()
 
     @property
@@ -146,7 +146,7 @@ class Program:
 
     @property
     def label(self) -> str:
-        """What it is and whose, for people."""
+        """Kind and owner of the program, for people."""
         return f"{self.name or 'a program'} ({self.state}) of {self.client}"
 
     @property
@@ -172,7 +172,7 @@ class Program:
 
     @property
     def credit(self) -> int:
-        """Lines that fit after the last one journaled."""
+        """Count of lines that fit after the last one journaled."""
         if not self.takes_lines:
             return 0
         return self.queue.credit + self.queue.accepted - self.journaled
@@ -180,7 +180,7 @@ class Program:
     def _waits_for(self) -> str:
         if self.over:
             return ""
-        # an operator's hold comes before what it waits for
+        # an operator's hold has precedence over waits
         return self.held_by if self.held else self.waits_for or self.waits_before
 
     def status(self) -> ProgramStatus:
@@ -189,7 +189,7 @@ class Program:
             return shown
         shown = self._status()
         if self.ended:
-            # nothing else of it changes any more
+            # final: nothing changes any more
             self._ended_status = shown
         return shown
 
@@ -228,9 +228,9 @@ class Program:
         )
 
     def _share(self) -> float:
-        """Return the share of its time that has passed; of its accepted lines where its time is not known."""
+        """Return the share of its time that has passed, or of its accepted lines if its time is unknown."""
         if self.state == "finished":
-            # also where lines behind M2 have not run
+            # even if lines after M2 have not run
             return 1.0
         by_time = self.clock.fraction()
         if by_time is not None:
@@ -239,18 +239,18 @@ class Program:
         return min(1.0, max(0.0, (self.progress.done - self.start_line + 1) / total)) if total else 0.0
 
     def wait_for(self, through: int, verdict: asyncio.Future[Verdict], *, validated: bool) -> None:
-        """Give ``verdict`` once lines through this number are journaled and, if asked for, ``validated``."""
+        """Resolve ``verdict`` once lines up to this number are journaled and, if requested, ``validated``."""
         (self._waiting if validated else self._waiting_for_journal).append((through, verdict))
         self.settle()
 
     def wait_for_record(self, verdict: asyncio.Future[Verdict]) -> None:
-        """Keep ``verdict`` until the journal gives it, or cannot be written."""
+        """Keep ``verdict`` until the journal resolves it, or fails."""
         while self._waiting_for_records and self._waiting_for_records[0].done():
             self._waiting_for_records.popleft()
         self._waiting_for_records.append(verdict)
 
     def settle(self) -> None:
-        """Answer those whose lines are journaled and, where the program runs, validated."""
+        """Resolve submits whose lines are journaled and, if the program runs, validated."""
         through = self.journaled
         while self._waiting_for_journal and self._waiting_for_journal[0][0] <= through:
             give(self._waiting_for_journal.popleft()[1], Verdict.TAKEN)
@@ -260,7 +260,7 @@ class Program:
             give(self._waiting.popleft()[1], Verdict.TAKEN)
 
     def reject(self, line: int, diagnostics: list[WireDiagnostic]) -> None:
-        """Line ``line`` is faulty; it is the next one expected again."""
+        """Note that line ``line`` is faulty, and expect it again."""
         self.epoch += 1
         self.rejected = line
         self.diagnostics = diagnostics
@@ -271,17 +271,17 @@ class Program:
         self.dismiss(Verdict.REJECTED)
 
     def dismiss(self, verdict: Verdict) -> None:
-        """Answer all that still wait."""
+        """Resolve everything that still waits."""
         for waiting in (self._waiting, self._waiting_for_journal):
             while waiting:
                 give(waiting.popleft()[1], verdict)
 
     def dismiss_unjournaled(self) -> None:
-        """Answer those whose lines cannot be journaled now; the numbers stay taken."""
+        """Resolve submits whose lines cannot be journaled now; their numbers stay taken."""
         while self._waiting_for_records:
             give(self._waiting_for_records.popleft(), Verdict.NOT_JOURNALED)
         for waiting in (self._waiting, self._waiting_for_journal):
-            # numbers grow, but a repeated message waits for older ones
+            # numbers ascend, except that a repeated message waits for older ones
             kept = [each for each in waiting if each[0] <= self.journaled]
             refused = [each for each in waiting if each[0] > self.journaled]
             waiting.clear()
@@ -291,6 +291,6 @@ class Program:
 
 
 def give(waiting: asyncio.Future[Verdict], verdict: Verdict) -> None:
-    """Answer who waits, unless that has been done or it does not wait any more."""
+    """Resolve a future, unless that was done or it was cancelled."""
     if not waiting.done():
         waiting.set_result(verdict)

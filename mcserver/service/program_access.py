@@ -1,4 +1,4 @@
-"""Find the programs that a call is about, or refuse it."""
+"""Find the programs that a call names, or refuse it."""
 
 from __future__ import annotations
 
@@ -47,10 +47,10 @@ def owned_program(programs: Mapping[str, AnyProgram], client: str, program_id: s
 
 
 def open_programs(programs: Mapping[str, Program], program_id: str | None) -> list[Program]:
-    """Return one program, or all of which something may still run, the oldest first.
+    """Return one program, or all with possibly running motion, the oldest first.
 
     Raises:
-        ServiceError: MC503 no program has that id, MC517 it has ended.
+        ServiceError: MC503 no such program, MC517 it has ended.
     """
     if program_id is None:
         return [program for program in programs.values() if not program.over]

@@ -1,4 +1,4 @@
-"""What a program is opened with."""
+"""Options for opening a program."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from mcserver.service.reports import OnDisconnect
 
 @dataclass(frozen=True, kw_only=True)
 class ProgramOptions:
-    """Options of a program, as its client or the server itself gives them.
+    """Options of a program, from its client or the server itself.
 
     Attributes:
-        axes: to be leased; None: all, with ``at_pause`` all but those that a program at a pause keeps.
+        axes: to lease; None: all, with ``at_pause`` all except those that a program at a pause keeps.
         grace_s: how long the client may be away before ``on_disconnect`` applies [s].
-        before: its lines ahead of ``start_line``. resume_of: the program that has them in the journal.
+        before: lines before ``start_line``. resume_of: program that has them in the journal.
         step: single line mode.
-        switches: of the operator; None: those of ``resume_of``, which none but the same may replace.
-        hold: it begins held. unhomed: it may move axes that are not homed.
-        controls: all of a program that needs no planner; the last one is its end.
-        sha256: of its whole text, so that a simulation of the text tells how long it takes.
-        by_hand: a jog or a search: in machine coordinates, and no override applies.
-        at_pause: it may have axes of a program that stands at a pause.
-        override_limit: the greatest override, 1 as programmed.
-        envelope: what an approved run has to stay within.
-        confirmed: what a person has agreed to of the way to ``start_line``.
-        known: lines from ``start_line`` on that are taken as if the client had sent them.
+        switches: of the operator; None: those of ``resume_of``, which may not be changed.
+        hold: begin held. unhomed: it may move axes that are not homed.
+        controls: the whole of a program without planner; the last one is its end.
+        sha256: of its whole text, to find the simulated times.
+        by_hand: a jog or a search: in machine coordinates, without override.
+        at_pause: it may borrow axes of a program at a pause.
+        override_limit: greatest override, 1 as programmed.
+        envelope: to stay within, of an approved run.
+        confirmed: what a person has confirmed of the approach to ``start_line``.
+        known: lines from ``start_line`` on that are treated as if the client had sent them.
     """
 
     name: str = ""

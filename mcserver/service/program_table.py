@@ -1,6 +1,6 @@
-"""The programs of one machine and what moves them on: journal, leases, planner, executor events.
+"""The programs of one machine, and what advances them: journal, leases, planner, executor events.
 
-Everything here runs in the asyncio loop, but `ProgramTable._call_soon`.
+All methods run in the event loop, except `ProgramTable._call_soon`.
 """
 
 from __future__ import annotations
@@ -59,21 +59,21 @@ from mcserver.service.work_offsets import WorkOffsets, offsets_file
 log = logging.getLogger(__name__)
 
 ENDED_PROGRAMS = 100
-# Lines that the journal had already, in one message to the planner.
+# Most lines from the journal in one message to the planner.
 KNOWN_LINES = 10_000
 
 
 class ProgramTable:
-    """Keeps the programs, and carries out what the service has allowed.
+    """Holds the programs, and executes what the service has allowed.
 
     Attributes:
-        programs: open ones and the last `ENDED_PROGRAMS` that have ended, oldest first.
+        programs: open ones and the last `ENDED_PROGRAMS` ended ones, oldest first.
         faults: latched until a reset. time: of this start.
-        offsets: work coordinate systems and tools, which outlive programs and the server.
-        references: of axes, which outlive the server. axis_reports: of homing and probing.
-        executor: what the executor's events do to programs. progress_reports: of what has moved.
-        pauses: of programs. mounted: tools that have bodies, as programs have said.
-        journal_damage: of the journal as it was found at this start; None: it is sound.
+        offsets: work coordinate systems and tools, which outlast programs and the server.
+        references: of axes, which outlast the server. axis_reports: of homing and probing.
+        executor: applies the executor's events. progress_reports: of lines that have run.
+        pauses: of programs. mounted: tools with bodies, as programs have set them.
+        journal_damage: found in the journal at this start; None: it is intact.
         journal_failure: why the journal cannot be written now; empty: it can.
     """
 
@@ -115,7 +115,7 @@ class ProgramTable:
         self.offsets = WorkOffsets(
             offsets_file(options.journal),
             machine.dialect.cutters,
-            # before a line that changes them can be done
+            # before a line that changes them is done
             self.journal.beside,
         )
         self.references = References(references_file(options.journal), machine, self.journal.beside)
@@ -124,23 +124,23 @@ class ProgramTable:
         self.pauses = Pauses(machine, self.leases, self.programs, self.journal, self.start_state)
         self.disk = DiskWatch(self._loop, self.journal, self.events, options.clock)
         self.planner = planner(PlannerReports(self).take)
-        # called for a stop that the executor has latched by itself
+        # called for a stop that the executor has latched itself
         self.on_machine_stop: Callable[[Fault], None] = self.faults.latch
         # called once a program has ended
         self.on_program_ended: Callable[[Program], None] = lambda _program: None
-        # digest of the machine file, see `machine_digest`
+        # digest of the machine file; see `machine_digest`
         self.machine_file = machine_digest(machine)
         self.executor = ExecutorReports(machine, self)
         self.heartbeat = Heartbeat(port.orders.beat, lambda: self.planner.last_seen)
 
     def start_state(self, modal: ModalState | None = None, switches: Switches = AS_WRITTEN) -> StartState:
-        """Return what a program that begins now starts from."""
+        """Return the state from which a program would begin now."""
         frame, tool = self.offsets.frame(), self.offsets.tool
         found = start_state(self._machine, self.port.snapshot(), frame, modal, switches, tool)
         return msgspec.structs.replace(found, mesh=self.axis_reports.mesh)
 
     def _origin(self, switches: Switches) -> StartState:
-        """Return what a program that begins now is recorded with, should it be gone on with."""
+        """Return the state to record for a program that begins now, for its continuation."""
         return msgspec.structs.replace(
             self.start_state(switches=switches),
             machine_file=self.machine_file,
@@ -148,7 +148,7 @@ class ProgramTable:
         )
 
     def close_journal(self) -> None:
-        """Write what is left; blocks. Another server may have the journal then."""
+        """Write the rest and close; blocks. Another server may then use the journal."""
         self.journal.close()
         self._lock.release()
 
@@ -158,7 +158,7 @@ class ProgramTable:
         """Journal a new program and queue it for its axes.
 
         Args:
-            before: its lines before the first one that runs. known: lines from that one on.
+            before: lines before the first one that runs. known: lines from that one on.
         """
         self.programs[program.program] = program
         self._forget_ended()
@@ -177,7 +177,7 @@ class ProgramTable:
             by_hand=program.by_hand or bool(program.controls),
         )
         if program.switches != AS_WRITTEN:
-            # it may never begin here: who goes on with it then has to know them
+            # it may never begin here: whoever continues it needs them
             self.journal.program_begun(program.program, program.origin or self._origin(program.switches))
         self.publish("program.opened", program, message=program.name)
         for at in range(0, len(known), KNOWN_LINES):
@@ -188,7 +188,7 @@ class ProgramTable:
         self.start(self.leases.request(program.program, program.axes, at_pause=program.at_pause))
 
     def lines(self, program: Program, first: int, lines: Sequence[str]) -> None:
-        """Give lines that the program's queue has taken to the journal, and from there to the planner."""
+        """Pass lines that the program's queue has accepted to the journal, and from there to the planner."""
         if program.rejected:
             program.rejected = 0
             program.diagnostics = []
@@ -197,20 +197,20 @@ class ProgramTable:
         self.journal.lines(program.program, first, lines, committed)
 
     def close(self, program: Program, *, whole: bool = True) -> None:
-        """No more lines; what is there runs to its end.
+        """Accept no more lines; what is accepted runs to its end.
 
         Args:
-            whole: its client has given all of its text.
+            whole: its client has sent all of its text.
         """
         if program.closed:
             return
         program.closed = True
         if program.rejected:
-            # nobody can correct that line any more
+            # the faulty line cannot be corrected any more
             program.ended_as = "rejected"
         if whole:
             self.journal.program_closed(program.program)
-        # through the journal, so that it comes to the planner behind the lines accepted
+        # through the journal, so that it reaches the planner after the accepted lines
         self.journal.after(partial(self._close_planned, program))
         self.publish("program.closed", program)
 
@@ -219,7 +219,7 @@ class ProgramTable:
             self.planner.send(CloseProgram(program.program))
 
     def recorded(self, program: Program) -> asyncio.Future[Verdict]:
-        """Return what tells once the journal has all that has become of a program so far."""
+        """Return a future that is resolved once the journal has everything about a program so far."""
         verdict: asyncio.Future[Verdict] = self._loop.create_future()
         if self.journal_failure:
             verdict.set_result(Verdict.NOT_JOURNALED)
@@ -229,13 +229,13 @@ class ProgramTable:
         return verdict
 
     def stop(self, program: Program, as_state: ProgramState, reason: str, fault: Fault | None = None) -> None:
-        """Stop along the path; the program ends ``as_state`` once it is at rest."""
+        """Stop along the path; the program ends as ``as_state`` once at rest."""
         if program.over or program.state == "ending":
             return
         program.ended_as = as_state
         program.reason = reason
         program.fault = fault
-        # an executor that has died brings nothing to rest
+        # a dead executor brings nothing to rest
         if program.slot is None or not self.port.alive():
             self.end(program, as_state)
             return
@@ -246,18 +246,18 @@ class ProgramTable:
         self.acks.acknowledge(program)
 
     def end_pause(self, program: Program) -> None:
-        """Let a program go on behind its pause; `Pauses.refuse_lent` comes before."""
+        """Continue a program after its pause; call `Pauses.refuse_lent` first."""
         if program.slot is None:
             return
         end = self.pauses.end(program)
         program.frame = end.frame or program.frame
         self.planner.send(EndPause(program.program, end))
         self.port.orders.end_pause(program.slot)
-        # what was to be done is done
+        # what the pause asked for is done
         program.paused, program.asks_for, program.notice = False, None, ""
 
     def enter(self, program: Program, state: ProgramState) -> None:
-        """Change the state of a program that has not ended and is not being stopped."""
+        """Change the state of a program that has not ended and is not stopping."""
         if not program.over and program.state != "ending":
             if state == "held":
                 program.tool_use.held(self.time.now())
@@ -268,25 +268,25 @@ class ProgramTable:
             self.acks.acknowledge(program)
 
     def start(self, grants: Sequence[Grant]) -> None:
-        """Let programs begin that have got their axes."""
+        """Begin programs that got their axes."""
         for grant in grants:
             program = self.programs[grant.program]
             if self.references.may_move(grant.axes):
-                # a reading that holds no longer must not be found after a power cut
+                # references that are no longer valid must not be found after a power cut
                 self.enter(program, "held" if program.held else "running")
                 self.journal.after(partial(self._begin, program, grant))
             else:
                 self._begin(program, grant)
 
     def _begin(self, program: Program, grant: Grant) -> None:
-        """Let the executor and the planner have a program; until then its lease alone is there."""
+        """Begin a program in executor and planner; before this it has only its lease."""
         if program.over:
             return
         program.slot = grant.slot
         program.begun = self.port.snapshot().time
-        # as the executor does by itself
+        # the executor does the same
         program.held, program.held_by = program.held or self.executor.holding, self.executor.holders
-        # here, so that no hold or abort can reach the executor before it
+        # here, so that no hold or abort reaches the executor earlier
         self.port.begin(
             grant.slot,
             grant.axes,
@@ -320,19 +320,20 @@ class ProgramTable:
 
     @staticmethod
     def _role_of(program: Program) -> str:
-        """Return as what a program is bound by zones: what a person has approved as an agent's, whoever has
-        asked for it; of one that is gone on with it may be any.
+        """Return the role by which zones bind a program: an operator's, or for an approved run its agent's.
+
+        The agent of a continued run is unknown: any agent's.
         """
         if program.envelope is None:
             return OPERATOR
         return AGENT if program.resume_of else agent_role(program.client)
 
     def _planned(self, program: Program) -> bool:
-        """Return whether the planner has the program: where bodies may touch also one without lines."""
+        """Return whether the planner has the program; with bodies to check, also one without lines."""
         return not program.controls or self._machine.clearance is not None
 
     def end(self, program: Program, state: ProgramState) -> None:
-        """Give the axes of a program that is over to the next one; its end is said when it is journaled."""
+        """Release the axes of a program that is over; its end is reported when it is journaled."""
         if program.over:
             return
         program.over = True
@@ -349,7 +350,7 @@ class ProgramTable:
         self.planner.send(DropProgram(program.program))
         self.pauses.forget(program)
         self.on_program_ended(program)
-        # all of a program without a planner is in its slot already
+        # a program without planner is completely in its slot already
         self.start(self.leases.release(program.program, planned=self._planned(program)))
 
     def _end_committed(self, program: Program, done: int, at: float) -> None:
@@ -367,7 +368,7 @@ class ProgramTable:
     # ------------------------------------------------------------ from the journal
 
     def _call_soon(self, function: Callable[[], None]) -> None:
-        """In the journal's thread: runs ``function`` in the loop."""
+        """Run ``function`` in the loop; called in the journal's thread."""
         try:
             self._loop.call_soon_threadsafe(function)
         except RuntimeError:
@@ -404,7 +405,7 @@ class ProgramTable:
         self.journal.fault(fault, self.options.clock())
 
     def publish(self, kind: Kind, program: Program, **values: Any) -> None:
-        """An event about a program."""
+        """Publish an event about a program."""
         self.events.publish(
             kind, program=program.program, client=program.client, state=program.state, **values
         )

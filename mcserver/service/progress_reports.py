@@ -1,4 +1,4 @@
-"""How far programs have come: journaled at once where that can be, and said when it is in the journal."""
+"""Journal the progress of programs, and report it when it is journaled."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from mcserver.service.journal import Journal
 from mcserver.service.program import Program
 from mcserver.service.reports import LineReport
 
-# What has ended is given to the journal after this time [s], or this many lines.
+# Interval after which ended lines are journaled [s], or count of lines.
 TICK_S = 0.02
 LINES = 32
 
 
 class ProgressReports:
-    """Gather the progress of programs over a tick, so that short lines do not cost a message each.
+    """Collects the progress of programs over a tick, so that short lines do not cost a message each.
 
-    What has ended is said from the journal's commit. One record of a program is on its way into the journal
-    at a time, so what gathers while the disk is slow is bounded by the lines that were taken before.
+    Progress is reported when the journal has committed it. One record of a program is written at a time, so
+    that what is collected while the disk is slow is bounded by the lines that were accepted before.
 
     Args:
-        loop: in which the ticks come.
-        journal: takes how far a program has come, with the lines that have ended.
-        publish: an event about a program. acknowledge: a program whose ``done`` has moved.
+        loop: of the ticks.
+        journal: called with a program's progress and ended lines.
+        publish: publishes an event about a program. acknowledge: a program whose ``done`` has changed.
     """
 
     def __init__(
@@ -38,14 +38,14 @@ class ProgressReports:
         self._journal = journal
         self._publish = publish
         self._acknowledge = acknowledge
-        # in order, so that a run can be repeated
+        # in order, so that runs are reproducible
         self._moved: dict[str, Program] = {}
         self._tick_scheduled = False
-        # programs of which a record is on its way into the journal
+        # programs with a record that is being written
         self._writing: set[str] = set()
 
     def moved(self, program: Program) -> None:
-        """Report a program at the end of this tick, or now where much has gathered."""
+        """Report a program at the end of this tick, or now if much has been collected."""
         self._moved[program.program] = program
         if program.progress.done - program.done >= LINES and program.program not in self._writing:
             self._report(program)
@@ -54,7 +54,7 @@ class ProgressReports:
             self._loop.call_later(TICK_S, self._tick)
 
     def end(self, program: Program) -> None:
-        """Give the journal what is left of a program that is over, behind what is on its way."""
+        """Journal the rest of a program that is over, after records that are being written."""
         self._moved.pop(program.program, None)
         self._say_begun(program)
         self._write(program)
@@ -81,7 +81,7 @@ class ProgressReports:
     def _write(self, program: Program) -> None:
         progress = program.progress
         ended, done = progress.take_ended(), progress.done
-        # also of a line that has only begun: after a crash it tells that the program has run
+        # also for a line that has only begun: after a crash it shows that the program has run
         if ended or done > program.done or progress.started > program.journaled_started:
             self._writing.add(program.program)
             committed = partial(self._committed, program, done, ended)

@@ -1,4 +1,4 @@
-"""Going on in the middle of a program: its state there from its own earlier lines, and the way there."""
+"""Continue in the middle of a program: its state there from its own earlier lines, and the approach."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ from mcserver.service.program_table import ProgramTable
 from mcserver.service.reports import ProgramStatus
 from mcserver.units import DEGREE
 
-# Work offsets that differ by less are the same [m or rad].
+# Difference below which work offsets are the same [m or rad].
 SAME_OFFSET = 1e-9
-# Lines before and behind the first one that are shown.
+# Lines shown before and after the first one.
 EXCERPT = 6
 
 
@@ -37,8 +37,8 @@ class Start(msgspec.Struct, frozen=True):
     """A start at a line.
 
     Attributes:
-        before: the lines before it. state: behind them; None: nothing is before it.
-        origin: the machine as the program began; None: that is not known, and counts as it is now.
+        before: lines before it. state: after them; None: there are none.
+        origin: the machine when the program began; None: unknown, and assumed to be as now.
         switches: of the operator. thread: line in whose thread the program may have been broken off; 0:
             none.
     """
@@ -51,10 +51,10 @@ class Start(msgspec.Struct, frozen=True):
 
 
 class Recovering:
-    """Reads what is needed to go on with a program; all of it runs in the loop.
+    """Reads what is needed to continue a program. All methods run in the loop.
 
     Args:
-        written: waits until what was journaled so far can be read.
+        written: waits until everything journaled so far can be read.
     """
 
     def __init__(
@@ -71,10 +71,10 @@ class Recovering:
         self._written = written
 
     async def recorded(self, program: str, *, last: bool = True) -> RecordedProgram:
-        """Read a program that has ended, or, with ``last``, the one that has gone on with it last.
+        """Read a program that has ended, or with ``last`` the program that continued it last.
 
         Raises:
-            ServiceError: MC503 there is none; MC517 it is still open, or was moved by hand.
+            ServiceError: MC503 no such program; MC517 it is open, or was motion by hand.
         """
         await self._written()
         found = await asyncio.to_thread(read_recorded, self._path, program, last=last)
@@ -83,7 +83,7 @@ class Recovering:
         if here is not None and not here.ended:
             raise Refused("MC517", f"{name} has not ended", "abort it first", state=here.state)
         if found.text is KnownText.NONE:
-            # its lines, where it had any, mean nothing without the hand that bounded them
+            # lines of motion by hand are meaningless without the hand that ended it
             raise Refused(
                 "MC517",
                 f"{name} ({found.status.name}) has no lines to go on with",
@@ -111,7 +111,7 @@ class Recovering:
         return found
 
     async def excerpt(self, program: str, line: int) -> tuple[int, list[str]]:
-        """Return the lines about a line as far as they are known, and the number of the first."""
+        """Return the lines around a line as far as known, and the number of the first."""
         first, last = max(1, line - EXCERPT), line + EXCERPT
         return await asyncio.to_thread(read_lines_near, self._path, program, first, last)
 
@@ -127,12 +127,12 @@ class Recovering:
         """Rebuild the state before a line.
 
         Args:
-            axes: of the program that starts there. before: the lines before it. program: whose lines they are
-                otherwise, and which began as the journal says.
+            axes: of the program that starts there. before: lines before it. program: otherwise the one that
+                has them, and whose initial state is in the journal.
             switches: of the operator; None: those of ``program``.
 
         Raises:
-            ServiceError: MC483 the switches of ``program`` are others; MC503, MC511, MC514, MC517.
+            ServiceError: MC483 ``program`` has other switches; MC503, MC511, MC514, MC517.
             ProgramRejected: a line before it has a fault.
         """
         origin: StartState | None = None
@@ -166,9 +166,9 @@ class Recovering:
         return Start(before, state, origin, switches, thread)
 
     async def _thread_of(self, status: ProgramStatus, begun: StartState) -> int:
-        """Return the line within whose thread a program may have been broken off; 0: there is none.
+        """Return the line within whose thread a program may have been broken off; 0: none.
 
-        What was under way is the line behind the last that is certain, or one that had begun.
+        It was running the line after the last one known as done, or one that had begun.
         """
         if self._machine.dialect.spindle is None:
             return 0
@@ -177,12 +177,12 @@ class Recovering:
             lines = await asyncio.to_thread(read_lines_before, self._path, status.program, last + 1)
             found = await asyncio.to_thread(self._planning.state_before, lines, begun, frozenset(status.axes))
         except (ServiceError, ProgramRejected):
-            # a line that is refused has not moved
+            # a refused line has not moved
             return 0
         return max((line for line in found.threads if line > status.done), default=0)
 
     def plan(self, start: Start, axes: Sequence[int]) -> Approach:
-        """Plan the way from where the axes are now to where a start has them."""
+        """Plan the approach from the axes' positions to those of a start."""
         assert start.state is not None
         approach = plan_approach(self._machine, start.state, self._table.start_state(), axes)
         if start.thread and any(step.targets for step in approach.way):
@@ -197,7 +197,7 @@ class Recovering:
         return msgspec.structs.replace(approach, needs=(*approach.needs, *self._changes(start)))
 
     def _changes(self, start: Start) -> list[Need]:
-        """Return what stands in the way because it is not as the program had it."""
+        """Return what is in the way of a start because it has changed since the program ran."""
         origin, state = start.origin, start.state
         if origin is None or state is None:
             return []
@@ -213,7 +213,7 @@ class Recovering:
         return [Need("MC594", message, hint, "way")]
 
     def modal_from(self, start: Start) -> ModalState | None:
-        """Return the modal state of a start; axes whose place means nothing go on from where they are."""
+        """Return the modal state of a start; free axes continue from their present positions."""
         state, free = start.state, free_axes(self._machine)
         if state is None or not free:
             return None if state is None else state.modal
@@ -224,10 +224,10 @@ class Recovering:
         return with_frame(state.modal, frame)
 
     def _differing_offsets(self, frame: Frame, origin: StartState) -> str:
-        """Say which work offsets and tools are not those that a program had at a line; empty: none.
+        """Name work offsets and tools that differ from those of a program at a line; empty: none.
 
         Args:
-            frame: at the line. origin: as the program began.
+            frame: at the line. origin: when the program began.
         """
         names = {number: name for name, number in SYSTEM_NUMBERS.items()}
         now = self._table.offsets.systems

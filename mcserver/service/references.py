@@ -1,4 +1,4 @@
-"""References of axes that outlive the server: of absolute encoders, and those given by hand."""
+"""References of axes that outlast the server: of absolute encoders, and those set by hand."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from mcserver.service.kept_file import KeptFiles, Write, with_checksum, without_
 
 
 def references_file(journal: Path) -> Path:
-    """Return the file beside a journal."""
+    """Return the path of the references file beside a journal."""
     return journal.with_name(f"{journal.name}.references.json")
 
 
 class References:
-    """The references that are kept in a file: JSON, axis → offset and, for other than absolute encoders, what
-    the encoder read when the axis stood for the last time.
+    """References stored in a file: JSON, axis → offset and, for other than absolute encoders, the encoder's
+    reading when the axis last was at rest.
 
-    A reference given by hand holds after a restart only where the encoder still reads that: one that has lost
-    its power counts from anew. While its axis may move, nothing is known to compare with.
+    A reference set by hand is valid after a restart only if the encoder still has that reading: one that has
+    lost power restarts its count. While the axis may move, the reading is not stored.
 
     Args:
-        path: of the file. write: as of `KeptFiles`.
+        path: of the file. write: as in `KeptFiles`.
 
     Attributes:
         damage: why it could not be read; empty: it could.
@@ -47,12 +47,12 @@ class References:
 
     @property
     def failure(self) -> str:
-        """Why it could not be written; empty: it could, or is to be."""
+        """Why it could not be written; empty: it could, or writing is scheduled."""
         return self._file.failure
 
     @property
     def holding(self) -> Mapping[int, StoredReference]:
-        """Those that an executor may take at its start, by axis number."""
+        """References that an executor may use at its start, by axis number."""
         return {
             axis: StoredReference(each.offset) if self._absolute(axis) else each
             for axis, each in self._stored.items()
@@ -65,18 +65,18 @@ class References:
         return frozenset(self._stored)
 
     def keep(self, axis: int, offset: float, reading: float) -> None:
-        """Keep the reference of an axis, which stands [m or rad]."""
+        """Store the reference of an axis at rest [m or rad]."""
         if axis in self._kept:
             self._stored[axis] = StoredReference(offset, None if self._absolute(axis) else reading)
             self._write()
 
     def forget(self, axis: int) -> None:
-        """An axis has lost its reference."""
+        """Remove the reference of an axis."""
         if self._stored.pop(axis, None) is not None:
             self._write()
 
     def may_move(self, axes: Iterable[int]) -> bool:
-        """Let no reading of axes hold any longer; return whether the file has to say so before they move."""
+        """Remove the stored readings of axes; return whether the file has to be written before they move."""
         changed = False
         for axis in axes:
             stored = self._stored.get(axis)
@@ -88,7 +88,7 @@ class References:
         return changed
 
     def stand(self, positions: Mapping[int, float]) -> None:
-        """Axes stand at these positions as the server stops [m or rad]."""
+        """Store the axes' readings at these positions [m or rad], as the server stops."""
         for axis, stored in self._stored.items():
             if not self._absolute(axis) and axis in positions:
                 self._stored[axis] = StoredReference(stored.offset, positions[axis] - stored.offset)

@@ -1,8 +1,8 @@
-"""An approval as a signed file: what an operator would see of a run, by a signer of the site's authority.
+"""An approval as a signed file: what an operator would see of a run, signed under the site's authority.
 
-The file is one JSON object: ``approval``, whose bytes are signed as they stand, ``signature`` (ECDSA over
-SHA-256, base64) and ``certificate`` (X.509, PEM) of who signed. Needs the package ``cryptography`` (extra
-``security``) where it is signed and where it is used.
+The file is one JSON object: ``approval``, whose bytes are signed as written, ``signature`` (ECDSA over
+SHA-256, base64) and ``certificate`` of the signer (X.509, PEM). Signing and verifying need the package
+``cryptography`` (extra ``security``).
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ _REMEDY = "certify the run anew: mcserver certify"
 
 
 class Approval(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What is certified of a run.
+    """Certified properties of a run.
 
     Attributes:
-        sha256: of the text. axes: that it may move. start: all that its simulation began from besides.
+        sha256: of the text. axes: that it may move. start: further inputs of its simulation.
         machine: digest of the machine file. version: of the server. digest: of the approval: all of these.
         setpoints: SHA-256 of every setpoint of its simulation.
         duration_s, extents, tools, effects, clearance_mm: what an operator sees of it; None: no bodies.
-        override: the greatest feed override, 1 as programmed. until: when it expires [s since 1970, UTC].
+        override: greatest feed override, 1 as programmed. until: expiry [s since 1970, UTC].
     """
 
     sha256: str
@@ -53,7 +53,7 @@ class Approval(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class CertifiedRun(msgspec.Struct, frozen=True):
-    """An approval whose signature was verified, and the name of who signed."""
+    """A verified approval, and the name of its signer."""
 
     approval: Approval
     signer: str
@@ -66,7 +66,7 @@ class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def sign(approval: Approval, certificate: bytes, key: bytes) -> bytes:
-    """Write the file of an approval, signed by a key whose certificate is of the site's authority.
+    """Write the file of an approval, signed by a key with a certificate of the site's authority.
 
     Args:
         certificate, key: of the signer (PEM), as `mcserver.security.certificates.new_signer` makes them.
@@ -82,13 +82,13 @@ def sign(approval: Approval, certificate: bytes, key: bytes) -> bytes:
 
 
 def verified(file: str, authority: bytes | None, now: datetime.datetime) -> CertifiedRun:
-    """Return what a file certifies.
+    """Verify a file, and return the approval.
 
     Args:
-        authority: the site's certificate (PEM), of the server's Zenoh configuration; None: it has none.
+        authority: the site's certificate (PEM), from the server's Zenoh configuration; None: it has none.
 
     Raises:
-        Refused: MC578 it is none, changed, expired, or not signed by a signer of this site.
+        Refused: MC578 not an approval, changed, expired, or not signed by a signer of this site.
     """
     if authority is None:
         raise Refused(
@@ -134,7 +134,7 @@ def _check_signer(certificate: x509.Certificate, site: x509.Certificate, now: da
         purposes = certificate.extensions.get_extension_for_class(x509.ExtendedKeyUsage).value
     except x509.ExtensionNotFound:
         purposes = x509.ExtendedKeyUsage([ExtendedKeyUsageOID.CLIENT_AUTH])
-    # certificates of people and machines are for connections: who has one cannot approve with it
+    # certificates of people and machines are for connections, and cannot sign approvals
     if ExtendedKeyUsageOID.CODE_SIGNING not in purposes:
         raise _refused(f"{_name_of(certificate)} may not sign approvals")
     for each in (certificate, site):

@@ -1,4 +1,4 @@
-"""What one start of a service is given: its journal, its id, and its clock."""
+"""Options of one start of a service: journal, id and clock."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mcserver.service.journal_file import open_journal
 
 
 def state_folder() -> Path:
-    """Return where journals are: systemd's ``$STATE_DIRECTORY``, else in the user's state folder (XDG)."""
+    """Return the folder of journals: systemd's ``$STATE_DIRECTORY``, or in the user's state folder (XDG)."""
     service_folder = os.environ.get("STATE_DIRECTORY")
     if service_folder:
         return Path(service_folder.partition(":")[0])
@@ -24,19 +24,19 @@ def state_folder() -> Path:
 
 
 class LoadedFile(msgspec.Struct, frozen=True):
-    """The machine file that a server was started with, and the SHA-256 of its text then."""
+    """The machine file of this start of the server, and the SHA-256 of its text then."""
 
     path: Path
     sha256: str
 
     @classmethod
     def of(cls, path: Path) -> LoadedFile:
-        """Raises OSError."""
+        """Read a file. Raises OSError."""
         return cls(path.resolve(), cls.digest(path.read_bytes()))
 
     @staticmethod
     def digest(content: bytes) -> str:
-        """Return the SHA-256 of a file's bytes, by which it is known again."""
+        """Return the SHA-256 of a file's bytes, to recognize it later."""
         return hashlib.sha256(content).hexdigest()
 
 
@@ -47,9 +47,9 @@ class ServiceOptions(msgspec.Struct, frozen=True):
         journal: the journal's file.
         instance: id of this start.
         clock: Unix time [s]. monotonic: a clock that never steps [s].
-        connect: opens the journal's file. journal_thread: the journal has threads of its own.
-        authority: certificate of the site (PEM), whose signers may approve runs; None: nobody's.
-        machine_file: that was loaded; None: a built-in machine.
+        connect: opens the journal's file. journal_thread: whether the journal has its own threads.
+        authority: certificate of the site (PEM), whose signers may approve runs; None: nobody may.
+        machine_file: loaded one; None: a built-in machine.
     """
 
     journal: Path

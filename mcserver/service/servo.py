@@ -1,4 +1,4 @@
-"""Servo mode: programs whose axes follow targets that their client streams, each with a lease on its axes."""
+"""Servo mode: programs whose leased axes follow targets streamed by their client."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ if TYPE_CHECKING:
     from mckinematics.solver import MachineKinematics
 
 Array = NDArray[np.float64]
-# Least and greatest positions by the numbers of axes [m or rad].
+# Least and greatest positions by axis number [m or rad].
 Sides = tuple[Mapping[int, float], Mapping[int, float]]
 
-# Messages are acknowledged within this time, all that came meanwhile at once: so a client hears of an end,
-# and that the server is there.
+# Interval of acknowledgements, each for all messages since the last one; it also shows the client that the
+# server is alive, and an end.
 ANSWER_S = 0.05
-# Where torques leave axes less of their accelerations, targets are not followed.
+# Targets are not followed if torques leave axes less than this share of their accelerations.
 LEAST_TORQUE_SHARE = 0.005
 _CAPTURE = list(AxisOperation).index(AxisOperation.CAPTURE)
 
@@ -49,20 +49,19 @@ async def open_servo(
     within: Sides | None = None,
     approved: RunRequest | None = None,
 ) -> Program:
-    """Lease axes, energize them, and let them follow.
+    """Lease axes, energize them, and start following.
 
     Args:
-        within: the least and the greatest position of each axis, by its number [m or rad], which targets do
-            not lead beyond; None: its travel. With bodies or zones the program ends as faulted at once, and
-            nothing moves, where they would not stay clear in all of it.
-        approved: by whose extents, speeds, duration and override it is held, as by what was shown of a run;
-            None: nobody has to approve it.
+        within: least and greatest position of each axis, by number [m or rad], to which targets are clipped;
+            None: its travel. With bodies or zones the program ends as faulted at once, without motion, if
+            they would not stay clear everywhere in it.
+        approved: request whose extents, speeds, duration and override are enforced; None: no approval needed.
 
     Raises:
-        ServiceError: MC439 an axis whose drive follows no setpoints, MC507, MC512 an axis is leased, MC595
-            the machine has bodies or zones, and it is not said how far axes go; MC327 ``within`` does not fit
-            the axes; MC600 holding the axes still takes more than a joint's torque somewhere between their
-            bounds; MC508, MC509, MC515, MC519.
+        ServiceError: MC439 an axis whose drive does not follow setpoints, MC507, MC512 an axis is leased,
+            MC595 the machine has bodies or zones, and ``within`` is missing; MC327 ``within`` does not match
+            the axes; MC600 holding the axes still exceeds a joint's torque somewhere within the bounds;
+            MC508, MC509, MC515, MC519.
     """
     machine = service.machine
     if machine.clearance is not None and within is None and approved is None:
@@ -84,7 +83,7 @@ async def open_servo(
                 axis=machine.axes[column].index,
             )
     mask = sum(1 << column for column in columns)
-    # the second drive of a gantry pair gets its leader's setpoint: it has no targets of its own
+    # the second drive of a gantry gets its leader's setpoint, and has no targets of its own
     columns = [machine.column_of(index) for index in streamed(machine, chosen)]
     led = sum(1 << column for column in columns)
     low, high, envelope = None, None, None
@@ -94,7 +93,7 @@ async def open_servo(
         low, high = _bounds(machine, columns, within)
     kinematics = build_kinematics(machine)
     setpoint = np.array(service.port.snapshot().setpoint)
-    # where torques are limited it takes tenths of a second
+    # with limited torques this takes tenths of a second
     share = await asyncio.to_thread(torque_share, machine, kinematics, columns, setpoint, (low, high))
     follow = [Control(ControlKind.FOLLOW, 0.0, 0, axes=led, values=high, value=share)]
     if low is not None:
@@ -106,7 +105,7 @@ async def open_servo(
             axes=chosen,
             controls=[
                 Control(ControlKind.AXIS, 0.0, 0, axes=mask, operation=_CAPTURE),
-                # one that coasts, or on which an ended program has left a speed, comes to rest first
+                # first stop an axis that coasts, or that an ended program has left at a speed
                 Control(ControlKind.HALT_AXES, 0.0, 0, axes=mask),
                 *follow,
                 Control(ControlKind.FINISH, 0.0, 0),
@@ -125,20 +124,20 @@ async def open_servo(
             for axis, column in zip(axes_led, columns, strict=True)
         ]
     program.targets = TargetStream(axes_led, machine.cycle_s, kinematics)
-    # nothing of it is acknowledged by line
+    # it has no lines to acknowledge
     return await service.recorded(program)
 
 
 def streamed(machine: Machine, axes: Sequence[int]) -> list[int]:
-    """Return the axes of a lease that rows of targets have a number for, in their order."""
+    """Return the leased axes that have a column in rows of targets, in order."""
     return [axis for axis in axes if axis not in machine.followers]
 
 
 def _envelope(machine: Machine, approved: RunRequest, within: Sides | None) -> tuple[Envelope, Sides]:
-    """Return what a stream is held by that was approved, and from where to where it may lead each axis."""
+    """Return the envelope of an approved stream, and the least and greatest position of each axis."""
     shown = approved.envelope
     assert shown is not None, "a run with faults is not approved"
-    # wherever it begins, a tip has no more room than was shown
+    # wherever it begins, a tip has no more room than shown to the operator
     held = enforced(shown, machine, min(1.0, approved.override), [0.0] * len(machine.axes))
     low, high = within or ({}, {})
     indices = [axis.index for axis in machine.axes]
@@ -151,7 +150,7 @@ def _envelope(machine: Machine, approved: RunRequest, within: Sides | None) -> t
 def _bounds(
     machine: Machine, columns: Sequence[int], within: Sides
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return the least and the greatest positions of all columns within their travel, shape (K,) each.
+    """Return the least and greatest positions of all columns within their travel, shape (K,) each.
 
     Raises:
         Refused: MC327.
@@ -178,7 +177,7 @@ def torque_share(
     setpoint: Array,
     bounds: tuple[Sequence[float] | None, Sequence[float] | None] = (None, None),
 ) -> float:
-    """Return the share of axes' accelerations that torques leave them, from where they are to their bounds.
+    """Return the share of the axes' accelerations that torques leave, from their positions to their bounds.
 
     Args:
         setpoint: of all columns [m or rad]. bounds: least and greatest positions of all columns; None: their
@@ -216,7 +215,7 @@ def torque_share(
 
 
 def put_targets(service: MachineService, program: Program, message: TargetMessage) -> None:
-    """Take a message of targets for a program in servo mode; what does not count is counted."""
+    """Process a message of targets for a program in servo mode, and count it."""
     if program.targets is None:
         return
     if not program.targets.answering:
@@ -244,6 +243,6 @@ def _answer(service: MachineService, program: Program) -> None:
 
 
 def close_targets(service: MachineService, program: Program) -> None:
-    """Let a program in servo mode go on to its last targets and end there; others are left alone."""
+    """End a program in servo mode at its last targets; other programs are not affected."""
     if program.targets is not None and program.slot is not None:
         service.port.targets(program.slot).close()

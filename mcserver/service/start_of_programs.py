@@ -1,4 +1,4 @@
-"""What a program that begins now starts from, read from the executor's newest cycle and from what is kept."""
+"""Initial state of a program that begins now, from the executor's newest cycle and from stored data."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ def start_state(
     """Return the state of a machine in a cycle.
 
     Args:
-        frame: work offsets that are kept; None: none. modal: of a program that starts in its middle.
-        switches: of its operator. tool: in the spindle, as of `StartState`.
+        frame: stored work offsets; None: none. modal: of a program that starts in its middle.
+        switches: of its operator. tool: in the spindle, as in `StartState`.
     """
     axes = [axis.index for axis in machine.axes]
     states = dict(zip(axes, cycle.states, strict=True))
     energized = frozenset(axis for axis, state in states.items() if state in ENERGIZED)
-    # a spindle that M5 has brought to rest keeps its mode
+    # a spindle stopped by M5 stays in its speed mode
     turning = dict(zip(axes, cycle.turning or [True] * len(axes), strict=True))
     settled = {axis for axis, state in states.items() if state in SETTLED}
     settled |= {axis for axis, state in states.items() if state == "speed" and not turning[axis]}
@@ -40,7 +40,7 @@ def start_state(
         positions={axis: (setpoint if axis in energized else actual)[axis] for axis in axes},
         energized=energized,
         unsettled=frozenset(axes) - settled,
-        # without a word about it every axis knows where it is
+        # without information every axis counts as homed
         homed=frozenset(
             axis for axis, homed in zip(axes, cycle.homed or [True] * len(axes), strict=True) if homed
         ),

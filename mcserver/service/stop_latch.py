@@ -12,18 +12,18 @@ from mcserver.service.executor_port import ExecutorPort
 from mcserver.service.program_table import ProgramTable
 from mcserver.service.reports import AxisState, Event, Fault, MachineState
 
-# Time between two confirmations of one emergency stop [s]
+# Least time between two confirmations of one emergency stop [s].
 CONFIRM_PERIOD_S = 0.1
 
 
 class StopLatch:
-    """What keeps a machine from moving until a reset. All of it runs in the asyncio loop.
+    """Latches what prevents motion until a reset. All methods run in the event loop.
 
     Args:
         on_first: called with client and reason by the stop that latches, before its event.
 
     Attributes:
-        stops: emergency stops asked for so far.
+        stops: count of emergency stops requested so far.
     """
 
     def __init__(
@@ -39,7 +39,7 @@ class StopLatch:
         self._loop = loop
         self._on_first = on_first
         self._latched = False
-        # of the newest stop, also behind its reset: a late copy of it is answered by it
+        # of the newest stop, even after its reset: answers a late copy of that stop
         self._event: Event | None = None
         self._confirmed = 0.0
 
@@ -52,11 +52,11 @@ class StopLatch:
 
     @property
     def faults(self) -> list[Fault]:
-        """Those that are latched, the oldest first."""
+        """Latched faults, oldest first."""
         return list(self._table.faults)
 
     def emergency_stop(self, client: str, reason: str) -> None:
-        """Latch the stop, here and in the executor; a stop that is latched already is confirmed again."""
+        """Latch the stop, here and in the executor; if it is latched already, confirm it again."""
         self.stops += 1
         self._port.orders.emergency_stop()
         if self._latched:
@@ -74,19 +74,19 @@ class StopLatch:
         self._end_programs("emergency stop", fault)
 
     def confirm_copy(self) -> None:
-        """Confirm a stop whose copy has come again: one that was reset meanwhile is not latched anew."""
+        """Confirm a repeated copy of a stop, without latching it again if it was reset meanwhile."""
         self.stops += 1
         self._confirm()
 
     def stopped_by_machine(self, fault: Fault) -> None:
-        """Latch a stop that the executor has latched by itself; it counts like one that was asked for."""
+        """Latch a stop that the executor has latched itself, like one that was requested."""
         self._table.faults.latch(fault)
         if not self._latched:
             self._latch(self._table.events.publish("estop", reason=fault.message))
         self._end_programs(fault.message, fault)
 
     def refuse_latched(self) -> None:
-        """Refuse what would move.
+        """Refuse motion while the stop is latched.
 
         Raises:
             ServiceError: MC509 the emergency stop is latched.
@@ -100,15 +100,15 @@ class StopLatch:
             )
 
     def refresh_faults(self, states: Mapping[int, AxisState]) -> None:
-        """Drop the faults of axes that a G1000 has cleared, and of lines that no axis has latched."""
+        """Remove faults of axes that a G1000 has cleared, and of lines that no axis has latched."""
         if not self._latched and self._table.faults.forget_cleared(states):
             self._publish_reset()
 
     def reset(self, axes: frozenset[int]) -> None:
-        """Clear the latch; the axes stay without energy.
+        """Clear the latch; the axes stay de-energized.
 
         Raises:
-            ServiceError: MC509 programs are still coming to rest.
+            ServiceError: MC509 programs are still stopping.
         """
         if any(each.state == "ending" and not each.over for each in self._table.programs.values()):
             raise Refused("MC509", "motion is still coming to rest", "try again in a moment", faults=[])
@@ -131,7 +131,7 @@ class StopLatch:
         self._confirmed = self._loop.time()
 
     def _confirm(self) -> None:
-        """Publish the event of the newest stop again, under its number; seldom, however many ask for it."""
+        """Publish the newest stop's event again, under its number; at most once per `CONFIRM_PERIOD_S`."""
         if self._event is not None and self._loop.time() - self._confirmed >= CONFIRM_PERIOD_S:
             self._confirmed = self._loop.time()
             self._table.events.repeat(self._event)

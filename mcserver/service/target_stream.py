@@ -1,9 +1,9 @@
-"""Messages of targets as they come from a client: which of them count, and the curve that they ask for.
+"""Filter a client's messages of targets, and compute the curve to follow.
 
-A message counts once and in order; one that comes later than it counts for (a chunk so long behind its last
-point), by the sender's own clock, does not. A single point further off than its axis could have come since
-the last one counts once the next point confirms it. What is dropped is counted. The limits are kept
-elsewhere, whatever passes here (`mcserver.executor.following`).
+A message counts once and in order; not if it is late by the sender's clock: later than it counts for (a
+chunk: that long after its last point). A single point farther away than its axis could have moved since the
+last one counts only if the next point confirms it. Dropped messages are counted. Limits are enforced
+elsewhere (`mcserver.executor.following`).
 """
 
 from __future__ import annotations
@@ -26,20 +26,21 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# Interval of a stream of which one message has come [s].
+# Interval assumed of a stream after its first message [s].
 FIRST_INTERVAL_S = 0.01
-# How fast the clocks of sender and server may drift apart [1].
+# Greatest drift between the clocks of sender and server [1].
 DRIFT = 1e-3
-# The least share of an interval in which a target is reached, however late it comes.
+# Least share of an interval in which a late target is to be reached.
 LEAST_SHARE = 0.5
 # Longest chunk [s].
 LONGEST_S = 60.0
-# Where an axis without limits of travel, or a tool, is asked to go at most [m or rad, per s].
+# Greatest coordinate and speed of a target for an axis without travel limits, or a tool [m or rad, per s].
 FARTHEST = 1e6
-# Share of the top speed at which axes go to where a tool is to be and they cannot be in time, and by which
-# share they are late before they are slowed.
-SLOWED_SHARE, LATE_SHARE = 0.8, 1.1
-# Least share of the top speed that is reckoned with where an override stops the axes.
+# Share of the top speed at which axes move to a tool's target that they cannot reach in time.
+SLOWED_SHARE = 0.8
+# Ratio of the least to the given time above which a target counts as out of reach in time.
+LATE_SHARE = 1.1
+# Least share of the top speed to compute with, if an override stops the axes.
 LEAST_RATE = 1e-3
 
 
@@ -47,10 +48,10 @@ class TargetMessage(msgspec.Struct, frozen=True):
     """A message of targets in SI.
 
     Attributes:
-        seq, sent, counts_s: as of the wire.
-        positions, velocities: shape (m, n) [m or rad, per s]; of a tool poses and twists, n 3 or 6.
-        times: shape (m,) after ``sent`` [s]; None: m is 1, and it is for now.
-        tool: whose poses and twists they are; None: positions of axes. in_tool: twists along its own axes.
+        seq, sent, counts_s: as on the wire.
+        positions, velocities: shape (m, n) [m or rad, per s]; for a tool poses and twists, n 3 or 6.
+        times: shape (m,) after ``sent`` [s]; None: m is 1, for now.
+        tool: of poses and twists; None: positions of axes. in_tool: twists are along its own axes.
     """
 
     seq: int
@@ -64,11 +65,11 @@ class TargetMessage(msgspec.Struct, frozen=True):
 
 
 class Now(NamedTuple):
-    """The machine as a message comes.
+    """State of the machine when a message arrives.
 
     Attributes:
         time: executor time [s]. setpoint: of the program's axes, shape (n,) [m or rad]; None: at rest at 0.
-        rate: share of their top speed that an override leaves them.
+        rate: share of their top speed under the override.
     """
 
     time: float
@@ -77,14 +78,14 @@ class Now(NamedTuple):
 
 
 class TargetStream:
-    """The targets of one program.
+    """Targets of one program.
 
     Args:
         axes: of the program, in order. cycle_s: the executor's cycle [s]. kinematics: of the machine's tools.
 
     Attributes:
-        si_per_unit: of the axes, shape (n,). status: what has come, counted. answering: an acknowledgement is
-            on its way.
+        si_per_unit: of the axes, shape (n,). status: counts of messages. answering: an acknowledgement is
+            being sent.
     """
 
     def __init__(
@@ -99,21 +100,21 @@ class TargetStream:
         self._top = np.array([axis.max_velocity for axis in axes])
         self.answering = False
         self._seq = 0
-        # messages since then that were refused
+        # refused messages since the last sequence number
         self._unsound = 0
         self._sent = 0.0
-        # the least difference between the server's clock and the sender's, and when it was brought forward
+        # least difference between the server's clock and the sender's, and time of its last update
         self._offset = np.inf
         self._heard = 0.0
-        # the newest point that counts, and when it was sent
+        # newest point that counts, and when it was sent
         self._position: Array | None = None
         self._placed = 0.0
-        # one that was too far off, until the next one confirms it
+        # a point that was too far away, until the next one confirms it
         self._doubtful: Array | None = None
         self.status = ServoStatus(0, 0, 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0)
 
     def take(self, message: TargetMessage, at: Now) -> Targets | None:
-        """Return the curve that a message asks for; None: it does not count, and is counted as what it is."""
+        """Return the curve for a message; None if it does not count. Counts it by its kind."""
         status, now = self.status, at.time
         if not self._is_sound(message):
             self._unsound += 1
@@ -122,7 +123,7 @@ class TargetStream:
         if message.seq <= self._seq:
             self.status = _more(status, "doubled" if message.seq == self._seq else "reordered")
             return None
-        # what was refused has come
+        # refused messages are not missing
         missing = max(message.seq - self._seq - 1 - self._unsound, 0) if self._seq else 0
         self._unsound = 0
         passed = message.sent - self._sent
@@ -154,7 +155,7 @@ class TargetStream:
         with np.errstate(all="ignore"):
             curve = self._curve(message, now, age, gap)
         if not np.isfinite(curve.knots).all():
-            # points so close in time that the way between them is no number
+            # points are so close in time that the slope overflows
             self.status = _more(status, "refused")
             return None
         if message.positions is not None and self._outside(message.positions):
@@ -170,7 +171,7 @@ class TargetStream:
     # ------------------------------------------------------------------ what counts
 
     def _is_sound(self, message: TargetMessage) -> bool:
-        """Return whether all numbers are finite and rows fit the axes and the times."""
+        """Return whether all numbers are finite and the shapes match the axes and the times."""
         times = message.times
         count = 1 if times is None else len(times)
         given = [each for each in (message.positions, message.velocities) if each is not None]
@@ -188,13 +189,13 @@ class TargetStream:
         return all((np.abs(each) <= most).all() for each in given) and 0.0 < message.counts_s < np.inf
 
     def _is_doubtful(self, positions: Array | None, gap: float) -> bool:
-        """Return whether a point is too far from the last one, and none before it was there either."""
+        """Return whether a point is too far from the last one, and from a doubtful one before it."""
         if positions is None:
             return False
         point, reach = positions[0], REACH * self._top * gap
         known = [each for each in (self._position, self._doubtful) if each is not None]
         with np.errstate(over="ignore"):
-            # what is further than all numbers is not near
+            # an infinite distance is not near
             near = not known or any((np.abs(point - each) <= reach).all() for each in known)
         self._doubtful = None if near else point
         return not near
@@ -207,7 +208,7 @@ class TargetStream:
     def _lead(
         self, message: TargetMessage, at: Now, interval: float, gap: float
     ) -> tuple[TargetMessage, bool] | Literal["jumped", "refused"]:
-        """Return a message of a tool as one of the axes, and whether they are too slow for it."""
+        """Convert a message for a tool to one for the axes; return it, and whether the tool is slowed."""
         tools, number, times = self._tools, message.tool, message.times
         assert number is not None
         here = np.zeros(self._width) if at.setpoint is None else at.setpoint
@@ -230,7 +231,7 @@ class TargetStream:
             if velocities is not None:
                 velocities = tools.rates_at(number, positions, velocities, in_tool=message.in_tool)
             if times is not None and len(times) > 1:
-                # all of it slower, so that it keeps its shape
+                # slow all points alike, so that the path keeps its shape
                 slower = float((tools.time_to(positions[1:], positions[0], rate) / np.diff(times)).max())
                 slowed = slower > LATE_SHARE
                 if slowed:
@@ -241,7 +242,7 @@ class TargetStream:
         ), slowed
 
     def _slowed(self, positions: Array, curve: Targets, at: Now) -> Targets | None:
-        """Return the way of all axes together to where they cannot be in time; None: they can."""
+        """Return a slower curve of all axes to a target that they cannot reach in time; None if they can."""
         here = np.zeros(self._width) if at.setpoint is None else at.setpoint
         least = float(self._tools.time_to(positions, here, max(at.rate, LEAST_RATE))[0])
         if least <= LATE_SHARE * (curve.knots[-1, 0] - at.time):
@@ -258,7 +259,7 @@ class TargetStream:
             velocities = velocities.clip(-self._top, self._top)
         if positions is None:
             assert velocities is not None
-            # the axes go elsewhere
+            # the axes leave the last point
             self._position = self._doubtful = None
             times, last = np.array([self.status.interval_s]), 0.0
             if message.times is not None:
@@ -273,8 +274,8 @@ class TargetStream:
             slopes = slopes.clip(-self._top, self._top)
             knots = _knots(begun + message.times, positions, slopes)
             return Targets(knots, now, until + float(message.times[-1]))
-        # where it is to be when the next one is to come, by the sender's clock; one that comes late is led to
-        # where it would be by then
+        # reach the target when the next one is due, by the sender's clock; a late one is extrapolated to the
+        # time at which it is reached
         interval = self.status.interval_s
         late = max(age - (1.0 - LEAST_SHARE) * interval, 0.0)
         at = begun + interval + late
@@ -283,8 +284,8 @@ class TargetStream:
         near = before is not None and bool((np.abs(positions[0] - before) <= REACH * self._top * gap).all())
         if before is None or not near:
             return Targets(_knots(np.array([at]), positions, np.zeros_like(positions)), now, until)
-        # a quadratic spline through the middles between points: it swings beyond none of them, and comes to
-        # rest on the last one where no more come
+        # quadratic spline through the midpoints between points: it does not overshoot, and comes to rest at
+        # the last point if no more come
         slope = ((positions - before) / gap).clip(-self._top, self._top)
         rows = np.concatenate((0.5 * (positions + before), positions))
         knots = _knots(np.array([at, at + gap]), rows, np.concatenate((slope, 0.0 * slope)))
@@ -299,7 +300,7 @@ def _knots(times: Array, positions: Array, velocities: Array) -> Array:
 
 
 def _slopes(times: Array, positions: Array) -> Array:
-    """Return velocities at points of a curve, of parabolas through three of them; at rest at the end."""
+    """Return velocities at points of a curve, from parabolas through three points; at rest at the end."""
     if len(times) < 2:
         return np.zeros_like(positions)
     slopes: Array = np.gradient(positions, times, axis=0)

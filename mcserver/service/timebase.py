@@ -1,26 +1,26 @@
-"""Executor time and the computer's clock: the one place that converts between them.
+"""Convert between executor time and the computer's clock, in this one place.
 
-Executor time never steps; the clock does, when somebody or NTP sets it. So what is compared is executor time
-with the instance it belongs to, and what is shown is UTC, taken when it happened.
+Executor time never steps; the clock does when it is set, by somebody or by NTP. So executor time, with its
+instance, is used for comparisons, and UTC, taken at the event, for display.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-# A change of the clock against executor time that is no slow correction [s].
+# Change of the clock against executor time beyond a gradual correction [s].
 STEP_S = 0.5
 
 
 class Timebase:
-    """The time of one start of the server.
+    """Time of one start of the server.
 
     Args:
-        epoch: Unix time of executor time 0, by the clock as it goes now [s].
+        epoch: Unix time of executor time 0, by the present clock [s].
         clock: Unix time [s]. monotonic: a clock that never steps [s].
 
     Attributes:
-        on_step: called when the clock was set, with by how much [s].
+        on_step: called with the step when the clock was set [s].
     """
 
     def __init__(self, epoch: float, clock: Callable[[], float], monotonic: Callable[[], float]) -> None:
@@ -31,12 +31,12 @@ class Timebase:
         self._epoch = epoch
 
     def now(self) -> float:
-        """Executor time [s]."""
+        """Return the executor time [s]."""
         return self._monotonic() - self._zero
 
     @property
     def epoch(self) -> float:
-        """Unix time of executor time 0 as the clock goes now [s]."""
+        """Unix time of executor time 0 by the present clock [s]."""
         before, self._epoch = self._epoch, self._clock() - self.now()
         step = self._epoch - before
         if abs(step) > STEP_S:

@@ -1,4 +1,4 @@
-"""How far a tool can be moved in one direction from where it is, and which joint ends the way."""
+"""Find how far a tool can move in one direction, and which joint ends the move."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from mcserver.units import DEGREE, MM
 ToolFrame = Literal["base", "tool"]
 ToolDirection = Literal["X", "Y", "Z", "A", "B", "C"]
 
-# A line turns the short way (D-51), so a longer turn cannot be said.
+# A line turns the shorter way (D-51), so longer turns cannot be programmed.
 LONGEST_TURN = math.radians(170.0)
-# Share of the way to where a path was lost that is tried then, and how often: a joint may end it nearer.
+# Share by which a failed move is shortened for another try, and number of tries: a joint may end it earlier.
 SHORTER = 0.98
 TRIES = 12
-# A shorter way is none [m, rad].
+# Shortest move [m, rad].
 NO_WAY = 1e-4
 
 
@@ -33,7 +33,7 @@ class ReachableMove:
     """A straight move of a tool, or a turn about its tip.
 
     Attributes:
-        words: its line of G-code behind ``F``. obstacle: what ends it, for people; empty: its length.
+        words: its line of G-code after ``F``. obstacle: what ends it, for people; empty: its length.
     """
 
     words: str
@@ -52,10 +52,10 @@ def reachable_move(
 
     Args:
         joints: positions of the tool's axes, by number [m, rad].
-        way: the longest wanted, signed [m, rad].
+        way: greatest length wanted, signed [m, rad].
 
     Raises:
-        Refused: MC311 the tool takes no orientation; as `MachineKinematics.solve_path` where it cannot move.
+        Refused: MC311 the tool has no orientation; as `MachineKinematics.solve_path` if it cannot move.
     """
     tool = kinematics.tool(number)
     if word in "ABC" and not tool.orientation:
@@ -97,7 +97,7 @@ def _line(
         about["ABC".index(word)] = length
         turn = euler_to_matrix((about[0], about[1], about[2]), tool.euler)
         end = matrix_to_euler(turned @ turn if frame == "tool" else turn @ turned, tool.euler, pose.angles)
-        # the words left out keep the tip where it is (D-51)
+        # omitted words keep the tip in place (D-51)
         words = "G90 G01 " + _words("ABC", np.array(end) / DEGREE)
     turns = (pose.angles, end) if tool.orientation else (None, None)
     path = ToolPath.straight(start, shift, *turns)
@@ -105,19 +105,19 @@ def _line(
 
 
 def _words(letters: str, values: Array) -> str:
-    # without a negative zero
+    # adding 0 avoids a negative zero
     return " ".join(
         f"{letter}{round(float(value), 6) + 0.0:.6f}" for letter, value in zip(letters, values, strict=True)
     )
 
 
 def _obstacle(tool: ToolModel, error: KinematicsError, path: JointPath) -> str:
-    """Say which joint ends a way: the one at its limit, or that would have to move fastest beyond it."""
+    """Name the joint that ends a move: at its limit, or the one that would have to be fastest beyond it."""
     chain = tool.chain
     if isinstance(error, JointLimit) and error.axis is not None:
         column = chain.axes.index(error.axis)
         return f"axis {error.axis} (joint {chain.joint_names[column]!r}) is at its limit"
-    # where the last piece of the path begins, which is next to its end
+    # beginning of the last piece of the path, which is close to its end
     slope = path.coefficients[2, -1]
     column = int(np.argmax(np.abs(slope) / tool.unit))
     joint = f"axis {chain.axes[column]} (joint {chain.joint_names[column]!r})"

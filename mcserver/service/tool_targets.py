@@ -1,8 +1,8 @@
-"""Targets of a robot's tool, poses and twists, as targets of the axes that carry it.
+"""Convert targets of a robot's tool, poses and twists, to targets of the axes that carry it.
 
-A pose is solved from where the last one left the joints, by the solver of tool paths, so that the chain never
-changes over to another configuration. A twist becomes rates of the joints where they are, all slowed together
-where one of them would be too fast (near a singular position) or comes to the end of its travel.
+A pose is solved from the joints of the last one, by the solver of tool paths, so that the chain never changes
+its configuration. A twist is converted to joint rates at the joints' positions, all slowed together if one
+would be too fast (near a singularity) or reach the end of its travel.
 """
 
 from __future__ import annotations
@@ -20,28 +20,32 @@ from numpy.typing import NDArray
 from mcserver.machine.machine_file import Axis
 
 if TYPE_CHECKING:
-    # a machine without tools starts without its solvers
+    # do not load the solvers for a machine without tools
     from mckinematics.solver import MachineKinematics
 
 Array = NDArray[np.float64]
 
-# A pose is too far off above this share of what the tool goes at the top speed of its joints.
+# A pose is too far away beyond this multiple of the distance that the tool moves at the joints' top speed.
 REACH = 2.0
-# Least time between two poses that are looked for along a line to them: that takes milliseconds [s].
+# Least time between two solutions along a line to a pose, which take milliseconds [s].
 LINE_EVERY_S = 0.05
-# Share of the axes' acceleration with which rates change and axes come to the end of their travel.
-CHANGE_SHARE, ENDING_SHARE = 0.5, 0.25
-# Where joints are so many times as fast as the tool a singular position may be near (lengths over the reach);
-# a twist towards it comes to rest at the latter.
-CLEAR_GAIN, LARGEST_GAIN = 5.0, 100.0
+# Share of the axes' acceleration for changes of rates.
+CHANGE_SHARE = 0.5
+# Share of the axes' acceleration for stopping at the end of travel.
+ENDING_SHARE = 0.25
+# Ratio of joint speed to tool speed above which a singularity may be near (lengths over the reach).
+CLEAR_GAIN = 5.0
+# Ratio at which a twist towards a singularity comes to rest.
+LARGEST_GAIN = 100.0
 
 
 class _Carried(NamedTuple):
-    """A tool of the program.
+    """A tool that the program's axes carry.
 
     Attributes:
         columns: of the axes that carry it, among the program's n.
-        low, high: travel of the program's axes, of those within the joints' limits, shape (n,) [m or rad].
+        low, high: travel of the program's axes, where they carry it within the joints' limits, shape (n,)
+            [m or rad].
     """
 
     model: ToolModel
@@ -72,20 +76,20 @@ class ToolTargets:
         for model in models:
             if all(axis in places for axis in model.chain.axes):
                 self._tools[model.number] = _carried(model, axes, places)
-        # the last pose that counts, and one too far off until the next one confirms it
+        # last pose that counts, and one too far away until the next one confirms it
         self._last: _Solved | None = None
         self._doubtful: tuple[int, Targets] | None = None
         self._lined = -np.inf
-        # rates of the program's axes as of the last twist
+        # rates of the program's axes after the last twist
         self._rates: Array | None = None
 
     def rows(self, number: int) -> int:
-        """Numbers that a pose of a tool has: 6 or 3; 0: it is none of the program's."""
+        """Return the count of numbers in a pose of a tool, 6 or 3; 0 if it is not one of the program's."""
         found = self._tools.get(number)
         return 0 if found is None else found.model.rows
 
     def forget(self) -> None:
-        """Begin anew where the axes are: they were led otherwise."""
+        """Restart from the axes' positions, after they were moved otherwise."""
         self._last = self._doubtful = self._rates = None
 
     def poses(
@@ -94,8 +98,9 @@ class ToolTargets:
         """Return positions of the program's axes, shape (m, n), at poses of a tool, shape (m, rows).
 
         Args:
-            near: where the axes are, and where those that do not carry the tool stay, shape (n,) each.
-            gap: since the last pose [s]; None: it is not doubted.
+            near: positions of the axes, and positions to keep for those that do not carry the tool, shape
+                (n,).
+            gap: since the last pose [s]; None: do not test its distance.
         """
         model, columns, *_ = self._tools[number]
         here, rest = near
@@ -107,7 +112,7 @@ class ToolTargets:
             target = model.target(pose)
             found = solve_near(model, target, joints)
             if gap is not None:
-                # what is near for the joints is near for the tool
+                # near in joints implies near for the tool
                 close = (
                     found is not None and (np.abs(found - joints) <= REACH * gap * self._top[columns]).all()
                 )
@@ -124,7 +129,7 @@ class ToolTargets:
         return places
 
     def rates_at(self, number: int, places: Array, twists: Array, *, in_tool: bool) -> Array:
-        """Return rates of the program's axes, shape (m, n), behind poses that are passed at twists."""
+        """Return rates of the program's axes, shape (m, n), at poses that are passed with twists."""
         model, columns, *_ = self._tools[number]
         rates = np.zeros_like(places)
         for rate, place, twist in zip(rates, places, twists, strict=True):
@@ -134,18 +139,18 @@ class ToolTargets:
     def twists(
         self, number: int, rows: Array, steps: Array, *, here: Array, share: float, in_tool: bool
     ) -> tuple[Array, bool]:
-        """Return rates of the program's axes, shape (m, n), for twists of a tool, and whether it is slower.
+        """Return rates of the program's axes, shape (m, n), for twists of a tool, and whether it is slowed.
 
         Args:
-            rows: shape (m, rows). steps: time from each to the next one, shape (m,) [s]. here: shape (n,).
-            share: of the axes' top speed that is left.
+            rows: shape (m, rows). steps: time to each from the one before, shape (m,) [s]. here: shape (n,).
+            share: of the axes' top speed that is available.
         """
         model, columns, low, high = self._tools[number]
         self._last = self._doubtful = None
         rates = np.zeros(len(here)) if self._rates is None else self._rates
         made, slowed, place = [], False, here
         for twist, step in zip(rows, steps.tolist(), strict=True):
-            # as they are to be where the axes will be then
+            # at the positions that the axes will have then
             place = place + step * rates
             wanted = np.zeros(len(here))
             wanted[columns], gain = _joint_rates(model, place[columns], twist, in_tool=in_tool)
@@ -156,9 +161,9 @@ class ToolTargets:
                 ahead = place[columns] + step * fit * wanted[columns]
                 nearer = 1.0 / gain - 1.0 / _joint_rates(model, ahead, twist, in_tool=in_tool)[1]
                 if gain == np.inf or nearer > 0.0:
-                    # on the way to a singular position; the way back is free
+                    # towards a singularity; the way back is free
                     left = min(left, step * max(1.0 / gain - 1.0 / LARGEST_GAIN, 0.0) / max(nearer, 1e-300))
-            # of all axes together, so that the tool stays on its way
+            # one factor for all axes, so that the tool keeps its direction
             stop_s = 1.0 / _least(ENDING_SHARE * self._acceleration, fit * wanted)
             if 2.0 * left < stop_s:
                 fit *= math.sqrt(2.0 * left / stop_s)
@@ -170,13 +175,13 @@ class ToolTargets:
         return np.array(made), slowed
 
     def time_to(self, places: Array, here: Array, share: float) -> Array:
-        """Return what the axes take from each place to the next at their top speed, shape (m,) [s]."""
+        """Return the time from each place to the next at the axes' top speed, shape (m,) [s]."""
         way = np.abs(np.diff(places, axis=0, prepend=here[None]))
         taken: Array = (way / (share * self._top)).max(axis=1)
         return taken
 
     def _is_doubtful(self, model: ToolModel, target: Targets, joints: Array, gap: float) -> bool:
-        """Return whether a pose is too far from the last one, and none before it was there either."""
+        """Return whether a pose is too far from the last one, and from a doubtful one before it."""
         number = model.number
         known = [] if self._last is None else [(self._last.number, self._last.target)]
         known += [] if self._doubtful is None else [self._doubtful]
@@ -207,8 +212,8 @@ def _joint_rates(model: ToolModel, joints: Array, twist: Array, *, in_tool: bool
 
 
 def _least(rooms: Array, values: Array) -> float:
-    """Return the least of rooms over sizes of values, both shape (n,); infinite where all values are 0."""
-    # of a few numbers plain ones are quicker than numpy's calls
+    """Return the least ratio of rooms to absolute values, both shape (n,); infinite if all values are 0."""
+    # for a few numbers Python floats are faster than numpy's calls
     pairs = zip(rooms.tolist(), values.tolist(), strict=True)
     return min((room / abs(value) for room, value in pairs if value), default=math.inf)
 

@@ -1,4 +1,4 @@
-"""For how long each tool has cut: the lines of a program by the tool that is fitted."""
+"""Count each tool's cutting time: from the lines of a program, by the fitted tool."""
 
 from __future__ import annotations
 
@@ -8,33 +8,33 @@ from collections.abc import Iterable
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.planning.planner_messages import Report
 
-# lines planned ahead whose ends were lost: forgotten when there are more
+# most planned lines without an end, whose events may be lost: all are dropped when there are more
 MOST_AHEAD = 1 << 16
 
 
 class ToolUse:
-    """Follow one program: a tool cuts in G01 to G03 and thread passes while M3 or M4 has the spindle turn.
+    """Tracks one program: a tool cuts in G01 to G03 and thread passes while the spindle turns by M3 or M4.
 
-    Rapids, dwells, holds and what moves with the spindle at rest do not count. Times are of the executor [s].
+    Rapids, dwells, holds and motion with the spindle at rest do not count. Times are of the executor [s].
     """
 
     def __init__(self) -> None:
-        # from which line on which tool cuts; 0: none does
+        # from which line on which tool cuts; 0: none
         self._cutting: deque[tuple[int, int]] = deque([(0, 0)])
-        # by line, how often it is planned at a feed and has not ended
+        # by line: count of planned feed moves that have not ended
         self._feeds: Counter[int] = Counter()
         self._counted_to = 0.0
         self._held_from: float | None = None
         self._held_s = 0.0
 
     def behind(self, line: int, frame: Frame) -> None:
-        """Take the frame that a line leaves; lines come in order."""
+        """Note the frame after a line; lines come in order."""
         tool = frame.changed or 0 if frame.direction else 0
         if self._cutting[-1][1] != tool:
             self._cutting.append((line, tool))
 
     def planned(self, reports: Iterable[Report]) -> None:
-        """Take what planning found."""
+        """Store reports of the planner."""
         for report in reports:
             if report.feed_length > 0.0:
                 self._feeds[report.line] += 1
@@ -42,7 +42,7 @@ class ToolUse:
             self._feeds = Counter(dict(list(self._feeds.items())[MOST_AHEAD // 2 :]))
 
     def held(self, time_s: float) -> None:
-        """Note that the motion is held; the line under way does not count until `released`."""
+        """Note a feed hold; the present line does not count until `released`."""
         if self._held_from is None:
             self._held_from = time_s
 
@@ -53,10 +53,10 @@ class ToolUse:
             self._held_from = None
 
     def ended(self, line: int, start_s: float, end_s: float) -> tuple[int, float]:
-        """Return which tool a line that has ended has cut with, 0: none, and for how long [s]."""
+        """Return the tool with which an ended line has cut, 0: none, and its cutting time [s]."""
         while len(self._cutting) > 1 and self._cutting[1][0] <= line:
             self._cutting.popleft()
-        # lines that flow into each other overlap
+        # blended lines overlap in time
         seconds = max(0.0, end_s - max(start_s, self._counted_to) - self._held_s)
         self._counted_to, self._held_s = end_s, 0.0
         feeds = self._feeds.get(line, 0)

@@ -1,5 +1,6 @@
-"""Work coordinate systems, the tool table and the tool in the spindle: kept over programs and restarts (D-62,
-D-65).
+"""Work coordinate systems, the tool table and the fitted tool, stored across programs and restarts.
+
+See D-62 and D-65.
 """
 
 from __future__ import annotations
@@ -21,15 +22,16 @@ from mcserver.units import MINUTE
 CHANGES_KEPT = 100
 NO_CUTTERS: Mapping[int, Cutter] = MappingProxyType({})
 NO_CUTTER = Cutter(0.0)
-# what is cut between two writes of the file: a crash loses no more of the count [s]
+# cutting time between two writes of the file: the most that a crash can lose [s]
 SAVED_EVERY_S = 20.0
 
 
 class RowNote(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What is kept of a row beside its numbers.
+    """Data of a row besides its numbers.
 
     Attributes:
-        name: for people. life_s: for how long a tool may cut [s]; 0: nobody has said. used_s: it has cut.
+        name: for people. life_s: cutting time that a tool may have [s]; 0: not limited. used_s: that it has
+            had.
     """
 
     name: str = ""
@@ -69,14 +71,14 @@ class TableChange(msgspec.Struct, frozen=True):
 
 
 class _SetCutter(msgspec.Struct, frozen=True):
-    """A tool as G10 L1 set it, and what the machine file said of it then."""
+    """A tool as set by G10 L1, and its values in the machine file then."""
 
     now: Cutter
     file: Cutter | None
 
 
 class _Tables(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The file beside that of the offsets."""
+    """Content of the file beside that of the offsets."""
 
     cutters: dict[int, _SetCutter] = {}
     changes: list[TableChange] = []
@@ -85,24 +87,24 @@ class _Tables(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def offsets_file(journal: Path) -> Path:
-    """Return the file beside a journal."""
+    """Return the path of the offsets file beside a journal."""
     return journal.with_name(f"{journal.name}.offsets.json")
 
 
 class WorkOffsets:
-    """The systems and tools that the last program left behind.
+    """Work systems and tools as the last program left them.
 
     Args:
-        path: of the file that keeps the systems, JSON: system → axis → m or rad, and a checksum. Tools and
-            changes are kept beside it.
-        cutters: the tool table of the machine file. A tool that was set otherwise counts until the machine
-            file says something else of it than it did then.
-        write: as of `KeptFiles`.
+        path: of the file of systems, JSON: system → axis → m or rad, and a checksum. Tools and changes are in
+            a file beside it.
+        cutters: tool table of the machine file. A tool that was set otherwise overrides it until its values
+            in the machine file change.
+        write: as in `KeptFiles`.
 
     Attributes:
-        systems: origins by the number of the system, 1 for G54.
-        notes: by row, of those that have any.
-        tool: in the spindle of a machine whose shapers go by it; 0: none, or nobody has said.
+        systems: origins by number of the system, 1 for G54.
+        notes: by row, of rows that have any.
+        tool: in the spindle of a machine with shapers by tool; 0: none, or unknown.
         changes: the newest `CHANGES_KEPT`, oldest first.
 
     Raises:
@@ -124,7 +126,7 @@ class WorkOffsets:
         self.changes: list[TableChange] = kept.changes
         self.notes: dict[str, RowNote] = kept.notes
         self.tool = kept.tool
-        # what tools have cut since the file was last written [s]
+        # cutting time since the file was last written [s]
         self._unsaved_s = 0.0
         self._set_cutters = {
             number: each.now for number, each in kept.cutters.items() if each.file == cutters.get(number)
@@ -132,7 +134,7 @@ class WorkOffsets:
 
     @property
     def failure(self) -> str:
-        """Why they could not be kept; empty: they are, or are to be."""
+        """Why they could not be stored; empty: they are, or storing is scheduled."""
         return self._files.failure
 
     @property
@@ -141,11 +143,11 @@ class WorkOffsets:
         return {**self._file_cutters, **self._set_cutters}
 
     def is_changed(self, tool: int) -> bool:
-        """Return True if a tool counts as it was set, not as the machine file has it."""
+        """Return whether a tool's values were set, and are not the machine file's."""
         return tool in self._set_cutters
 
     def frame(self) -> Frame | None:
-        """Return the frame that a program starts in; None where nothing was ever set."""
+        """Return the initial frame of a program; None if nothing was ever set."""
         worn = frozenset(number for number in self.cutters if self.notes.get(f"T{number}", NO_NOTE).is_worn)
         if not self.systems and not self._set_cutters and not self.notes:
             return None
@@ -161,11 +163,11 @@ class WorkOffsets:
         program: str = "",
         name: str = "",
     ) -> None:
-        """Keep what a program has changed; a file that cannot be written leaves it in memory.
+        """Store the changes of a program; if the file cannot be written they are only in memory.
 
         Args:
-            frame: as the program has it now. before: as it had it last: what is the same in both it has not
-                changed, and another program may have; None: all of ``frame`` counts.
+            frame: of the program now. before: its last one: the program has not changed what is equal in
+                both, and another program may have; None: all of ``frame`` is new.
             wall: Unix time [s]. client, program, name: who changes them.
         """
         systems, cutters = dict(frame.systems), dict(frame.cutters)
@@ -192,11 +194,11 @@ class WorkOffsets:
         files = self._tables_file()
         if moved:
             files[self._path] = with_checksum(msgspec.json.encode(self.systems))
-        # systems first: who changed what is said of nothing that is not kept
+        # systems first, so that no change is listed that is not stored
         self._files.put(files)
 
     def fit(self, tool: int) -> None:
-        """Keep which tool is in the spindle."""
+        """Store the tool in the spindle."""
         if tool != self.tool:
             self.tool = tool
             self._files.put(self._tables_file())
@@ -212,16 +214,16 @@ class WorkOffsets:
         client: str = "",
         by: str = "",
     ) -> TableChange | None:
-        """Name a row, or say how long a tool may cut and has cut; what is None stays.
+        """Name a row, or set a tool's life and use; None leaves a value as it is.
 
         Args:
-            life_s: 0 takes the limit away. client, by: who, and for whom it does so.
+            life_s: 0 removes the limit. client, by: who, and for whom.
 
         Returns:
-            What has changed; None: it was so before.
+            The change; None: nothing has changed.
 
         Raises:
-            ServiceError: MC601 there is no such row, or only tools have what is said.
+            ServiceError: MC601 no such row, or the values are only for tools.
         """
         is_tool = row in {f"T{number}" for number in self.cutters}
         if not is_tool and row not in SYSTEM_NUMBERS:
@@ -261,9 +263,9 @@ class WorkOffsets:
         return change
 
     def cut(self, tool: int, seconds: float) -> bool:
-        """Count that a tool has cut; return True where its life is used up by that.
+        """Add cutting time to a tool; return True if that uses up its life.
 
-        What is not in the table is not counted.
+        Tools that are not in the table are not counted.
         """
         if tool not in self.cutters:
             return False
@@ -276,19 +278,19 @@ class WorkOffsets:
         return now.is_worn and not was.is_worn
 
     def save_use(self) -> None:
-        """Keep what was counted since the file was last written."""
+        """Write uses counted since the file was last written."""
         if self._unsaved_s > 0.0:
             self._files.put(self._tables_file())
 
     def worn_text(self, tool: int | None) -> str:
-        """Return that a tool's life is used up; empty: it is not, or nobody has said how long it is."""
+        """Return that a tool's life is used up, as text; empty: it is not, or is not limited."""
         note = self.notes.get(f"T{tool}", NO_NOTE)
         if tool not in self.cutters or not note.is_worn:
             return ""
         return f"tool {tool} has cut {note.used_s / MINUTE:.4g} of its {note.life_s / MINUTE:.4g} min"
 
     def refuse_worn(self, tool: int | None) -> None:
-        """Refuse to go on with a tool whose life is used up.
+        """Refuse to continue with a tool whose life is used up.
 
         Raises:
             Refused: MC602.
@@ -311,7 +313,7 @@ class WorkOffsets:
         return {self._tables_path: with_checksum(msgspec.json.encode(tables))}
 
     def _merged_cutter(self, number: int, then: Cutter | None, now: Cutter) -> Cutter:
-        """Return a tool as it is kept, with what a program has changed of it."""
+        """Return a stored tool with a program's changes."""
         then = then or self._file_cutters.get(number, NO_CUTTER)
         kept = self.cutters.get(number, NO_CUTTER)
         return Cutter(
@@ -341,22 +343,22 @@ class WorkOffsets:
 
 
 def _merged(kept: Offsets, then: Offsets, now: Offsets) -> Offsets:
-    """Return what is kept with what one program has changed of it."""
+    """Return stored offsets with one program's changes."""
     return {**kept, **{axis: at for axis, at in now.items() if then.get(axis) != at}}
 
 
 def _read(path: Path, kind: Any, missing: Any) -> Any:
-    """Return what a file holds.
+    """Return the content of a file.
 
     Raises:
-        ServiceError: MC529 it is there and cannot be read.
+        ServiceError: MC529 it exists and cannot be read.
     """
     try:
         return msgspec.json.decode(without_checksum(path.read_bytes()), type=kind)
     except FileNotFoundError:
         return missing
     except (OSError, ValueError, RecursionError) as error:
-        # programs that start from other offsets or lengths than the last ones move somewhere else
+        # with other offsets or lengths than the last ones, programs would move somewhere else
         raise ServiceError(
             "MC529",
             f"the work offsets in {path} cannot be read: {error}",

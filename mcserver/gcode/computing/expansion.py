@@ -39,7 +39,7 @@ from mcserver.motion.canonical import Canonical
 # Steps that one program may take; more are an endless loop.
 MOST_STEPS = 1_000_000
 # Steps per call of `Expansion.next`, so that the caller can serve others in between.
-BITE = 500
+STEPS_PER_CALL = 500
 # Depth of nested calls.
 DEEPEST_CALL = 30
 # Lines of all subprograms together.
@@ -274,7 +274,7 @@ class Expansion:
             ready, self._ready = self._ready, None
             return ready
         self._set_due()
-        for _ in range(BITE):
+        for _ in range(STEPS_PER_CALL):
             if not self._frames:
                 return None
             frame = self._frames[-1]

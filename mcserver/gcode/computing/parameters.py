@@ -78,7 +78,7 @@ class ParameterTable:
         return number in self._numbered
 
     def kept(self) -> ComputedState:
-        """Return the parameters of the main program."""
+        """Return the parameters of the main program, and the global ones."""
         main = self.scopes[0]
         unset = (type(self._unset), self._unset)
         local = {each: value for each, value in enumerate(main.numbered) if (type(value), value) != unset}

@@ -117,7 +117,7 @@ class Transformation(msgspec.Struct, frozen=True):
         return coupled(self.directions, frozenset(plane)) == frozenset(plane)
 
     def reverses(self, plane: tuple[int, int]) -> bool:
-        """Return whether left and right change sides in such a plane, by the directions of the frame."""
+        """Return whether the frame's directions exchange left and right in a plane as of `in_plane`."""
         if self.directions is None:
             return False
         (a, b), (c, d) = (tuple(self.directions[row][column] for column in plane) for row in plane)

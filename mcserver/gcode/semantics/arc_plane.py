@@ -27,8 +27,8 @@ def choose_plane(chosen: int | None, offsets: frozenset[int], endpoint: frozense
         offsets: which of I J K are written, as 0 1 2; empty in the R form.
         endpoint: which of X Y Z (U V W) are written, as 0 1 2.
 
-        Raises:
-            NoPlane: the words do not determine a plane, or contradict each other.
+    Raises:
+        NoPlane: the words do not determine a plane, or contradict each other.
     """
     if chosen is not None:
         return chosen

@@ -66,7 +66,7 @@ def compensate(
 
 
 def release(compensation: Compensation | None) -> list[Canonical]:
-    """Return the held move and the values after it, with its end as at a straight continuation."""
+    """Return the held move, ended without a corner, and the values after it."""
     if compensation is None or compensation.held is None:
         return []
     held = compensation.held

@@ -173,7 +173,7 @@ def smallest_feed(modal: ModalState) -> float:
 
 
 def read_feed(number: float, modal: ModalState) -> Feed:
-    """Read F in the units in force where it stands (D-11)."""
+    """Convert F from the units in force at its place (D-11)."""
     return Feed(number, 0.0 if modal.inverse_time else path_speed(number, modal.inch))
 
 

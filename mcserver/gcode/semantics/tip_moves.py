@@ -35,10 +35,14 @@ from mcserver.motion.canonical import FeedGroup, RapidGroup
 from mcserver.motion.geometry.curves import SampledCurve, TipLine
 from mcserver.units import MM, AxisType
 
-# Limits of a line on which all joints move evenly. The tip's deviation, as shares of the tool's own tolerance
-# and of the path tolerance; the excess of rates, beside and between the places where they are sampled.
-OWN_SHARE, BEND_SHARE = 0.8, 0.2
-LEVER_CHANGE, FASTER_BETWEEN = 1.02, 1.0005
+# Share of the tool's own tolerance by which the tip may deviate while all joints move evenly.
+OWN_SHARE = 0.8
+# Share of the path tolerance by which it may deviate in addition; corners get the rest.
+BEND_SHARE = 0.2
+# Greatest ratio of the rates beside the path to those sampled on it.
+LEVER_CHANGE = 1.02
+# Greatest ratio of the rates between samples to those at samples.
+FASTER_BETWEEN = 1.0005
 # shorter vectors have no direction [1]
 NO_DIRECTION = 1e-9
 # axes X, Y and Z
