@@ -21,7 +21,7 @@ from mcserver.drives.bus import DriveMode
 from mcserver.errors import Diagnostic
 from mcserver.executor.block import LineEvents
 from mcserver.executor.entries import EventKind, ExecutorEvent
-from mcserver.executor.fault_codes import WARNINGS, remedy_of
+from mcserver.executor.fault_codes import WARNINGS, FaultCode, remedy_of
 from mcserver.executor.shm.feedback import AxisCondition, homed_of
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.text.source import LineSource
@@ -47,6 +47,9 @@ from mcserver.units import DEGREE, MM
 BURST = 1000
 # Cycles without any progress after which a run is given up [cycles]: exact stops time out long before.
 STUCK = 600_000
+# cycles without motion, and time behind its last change [s], above which an input holds a program for good:
+# beyond any debouncing
+HELD, HELD_S = 1000, 60.0
 # Lines that wait to be planned: more than one piece of the planner's work reads.
 AHEAD_LINES = 20_000
 
@@ -201,6 +204,8 @@ class Run:
         # where the program's words read zero, by the name of the system
         self._frame = start.frame
         self._inputs_read: set[int] = set()
+        # columns of inputs that hold the program
+        self._holding: set[int] = set()
         self._zeros = (start.frame or Frame()).zeros()
 
     def run(self, warnings: list[Diagnostic]) -> Simulation:
@@ -214,7 +219,10 @@ class Run:
             self._executor.step(cycles)
             self._take_events()
             idle = 0 if self._moved() else idle + cycles
-            if idle > STUCK:
+            if self._holding and idle > HELD and self._executor.time > self._last_scripted() + HELD_S:
+                self._faults.append(self._held_for_good())
+                self._executor.mailbox.abort(SLOT)
+            elif idle > STUCK and not self._holding:
                 raise RuntimeError("the simulation makes no progress")
             if self._progress is not None:
                 self._progress(self._executor.time, self._recorder.line)
@@ -267,6 +275,24 @@ class Run:
         positions = np.array([axis.initial_position for axis in machine.axes])
         mounted = mounted_by(machine, start.frame)
         return LostDrives(machine, positions, lambda: (motions.mask, motions.speeding), mounted, self._role)
+
+    def _last_scripted(self) -> float:
+        """Return when the inputs that hold the program change for the last time [s]."""
+        inputs = (self._machine.inputs[column] for column in self._holding)
+        return max((each.at_s for one in inputs for each in one.script), default=0.0)
+
+    def _held_for_good(self) -> Diagnostic:
+        names = ", ".join(f'"{self._input_names[column]}"' for column in sorted(self._holding))
+        line = self._passed + 1
+        return Diagnostic(
+            code=f"MC{int(FaultCode.INTERLOCK_HOLD)}",
+            severity="error",
+            message=f"the program is held for good by: {names}",
+            line=line,
+            column=1,
+            end_column=1 + max(1, len(self._text_of(line))),
+            hint="let the input become what it should be, such as --input NAME=off@2.5",
+        )
 
     def _held_alone(self) -> list[Diagnostic]:
         """Return before which switched zones stops may hold the program, where its setpoints stay out."""
@@ -373,6 +399,13 @@ class Run:
             self._executor.mailbox.end_pause(SLOT)
             self._pipeline.end_pause(PauseEnd())
         elif event.kind is EventKind.FAULT:
+            if event.code == FaultCode.INTERLOCK_HOLD:
+                self._holding.add(int(event.values[0]))
+            elif event.code == FaultCode.INTERLOCK_FREE:
+                self._holding.discard(int(event.values[0]))
+                if not self._holding:
+                    # as behind a pause
+                    self._executor.mailbox.resume(SLOT)
             if event.code not in WARNINGS:
                 self._end = max(self._end, event.time)
                 self._passed = min(self._passed, event.line - 1) if event.line else self._passed

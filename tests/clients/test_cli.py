@@ -76,7 +76,6 @@ def test_operators_commands_reach_the_server(mcctl: Run, server: FakeServer) -> 
         assert mcctl(order)[0] == 0
     assert mcctl("reset", "--axis", "1")[0] == 0
     assert server.requests[-1][1]["axes"] == [1]
-    assert mcctl("step")[0] == 2
 
 
 def test_estop_waits_for_the_confirmation(mcctl: Run, server: FakeServer) -> None:

@@ -12,6 +12,8 @@ from mcserver.errors import UsageFault
 from mcserver.machine.io_section import ScriptedValue
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.simulation.input_script import with_inputs
+from mcserver.simulation.simulation import Simulation, simulate
+from tests.machine_text import axes_text
 
 
 def machine() -> Machine:
@@ -63,3 +65,26 @@ def test_what_cannot_be_meant_is_refused(entry: str) -> None:
 def test_any_text_is_an_entry_or_a_usage_fault(text: str) -> None:
     with contextlib.suppress(UsageFault):
         with_inputs(machine(), [text])
+
+
+def guarded(*entries: str) -> Simulation:
+    """Return a run of a second along an axis, behind a door that holds while it is open."""
+    described = parse_machine(
+        f'[machine]\nname = "m"\n{axes_text()}[[input]]\nnumber = 1\nname = "door"\nhold_on = true\n'
+    )
+    return simulate("G1010\nG94 F600\nG01 X10", with_inputs(described, entries))
+
+
+def test_a_program_that_an_input_holds_goes_on_when_it_no_longer_does() -> None:
+    alone, held = guarded().report, guarded("door=on@0.5", "door=off@2").report
+    assert held["ok"]
+    assert held["axes"]["0"]["position"] == pytest.approx(10.0, abs=0.01)
+    assert held["duration_s"] == pytest.approx(alone["duration_s"] + 1.5, abs=0.2)
+    assert [each["code"] for each in held["diagnostics"]] == ["MC441", "MC447"]
+
+
+def test_a_program_that_an_input_holds_for_good_ends_with_its_line() -> None:
+    held = guarded("door=on@0.5")
+    (fault,) = (each for each in held.report["diagnostics"] if each["severity"] == "error")
+    assert (held.exit_code, fault["code"], fault["line"]) == (1, "MC441", 3)
+    assert 'held for good by: "door"' in fault["message"]

@@ -51,7 +51,6 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "console": "console.console",
         "hold": "operate.hold",
         "resume": "operate.resume",
-        "step": "operate.step",
         "abort": "operate.abort",
         "override": "operate.override",
         "jog": "operate.jog",

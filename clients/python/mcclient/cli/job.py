@@ -200,6 +200,7 @@ class Job:
                 await program.step()
             except RequestRefused as error:
                 show_error(error)
+        say("standard input has ended: no further line starts; Ctrl-C aborts", "yellow")
 
     @asynccontextmanager
     async def _followed(self, machine: Machine, program: Program) -> AsyncIterator[None]:

@@ -72,29 +72,6 @@ def resume(target: Target, program: ProgramOption = None, json: JsonOption = Fal
     _order_programs("resume", target, json, lambda one: one.resume(program))
 
 
-def step(
-    target: Target,
-    program: Annotated[
-        str | None, typer.Argument(metavar="ID", help="The program; default: the only one in step mode.")
-    ] = None,
-    json: JsonOption = False,
-) -> None:
-    """Start the next line of a program in single line mode."""
-
-    async def order(one: Machine) -> Sequence[str]:
-        return await one.step(program or await _only_program(one))
-
-    _order_programs("step", target, json, order)
-
-
-async def _only_program(machine: Machine) -> str:
-    living = [each.program for each in await machine.programs(ended=False)]
-    if len(living) != 1:
-        shown = f"{len(living)} programs are there: {', '.join(living)}" if living else "no program is there"
-        raise RequestRefused("MC511", shown, "name one, such as: mcctl step ID")
-    return living[0]
-
-
 def abort(target: Target, program: ProgramOption = None, json: JsonOption = False) -> None:
     """Stop along the path and drop the rest of the program."""
     _order_programs("abort", target, json, lambda one: one.abort(program))
