@@ -42,6 +42,9 @@ log = logging.getLogger(__name__)
 
 # Longest start: without a writable cache each start compiles the kernels.
 START_TIMEOUT_S = 300.0
+# Silence allowed to a planner without machine code, beyond that of any other: on a busy computer one plan may
+# take longer than the latter. Motion that it is late for stops on its path meanwhile.
+PLAIN_SILENCE_S = 25.0
 # Period of checking whether kernels have been compiled and no program is open.
 COMPILED_LOOK_S = 1.0
 STOP_TIMEOUT_S = 3.0
@@ -168,7 +171,7 @@ class PlannerProcess:
         starting = self._phase is ConnectionPhase.CONNECTED and now < self._silent_until
         if self._phase is ConnectionPhase.REPLACING or starting:
             return now
-        return self._heard_at
+        return min(self._heard_at + PLAIN_SILENCE_S, now) if self._child.plain else self._heard_at
 
     def start(self) -> None:
         self._heard_at = time.monotonic()

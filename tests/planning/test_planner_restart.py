@@ -80,6 +80,20 @@ async def test_a_planner_that_is_started_again_may_be_silent_until_it_is_ready(
     await planner.stop()
 
 
+async def test_a_planner_without_machine_code_may_think_for_longer(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = SimpleNamespace(now=1000.0)
+    monkeypatch.setattr(client, "time", SimpleNamespace(monotonic=lambda: clock.now))
+    child = FakeChild(plain=True)
+    planner = PlannerProcess(child, lambda: child, lambda _: None)  # type: ignore[arg-type, return-value]
+    planner.start()
+    clock.now += 20.0
+    assert planner.last_seen == clock.now
+    clock.now += 20.0
+    assert planner.last_seen == 1000.0 + client.PLAIN_SILENCE_S, "it has to be heard of, too"
+    child.theirs.close()
+    await planner.stop()
+
+
 async def test_a_planner_that_never_gets_ready_is_not_waited_for_without_end(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
