@@ -147,6 +147,8 @@ def _gather(
                     demand[at, 1, k] = max(demand[at, 1, k], row[width + k])
                     demand[at, 2, k] = max(demand[at, 2, k], row[2 * width + k])
                     demand[at, 3, k] = max(demand[at, 3, k], row[4 * width + k])
+    for at in range(len(nodes)):
+        cap[at] = min(cap[at], fed[at] ** 2)
     return True
 
 
