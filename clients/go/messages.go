@@ -279,14 +279,14 @@ const (
 	ToolDirectionC ToolDirection = "C"
 )
 
-// Ack: Payload of `ack/{program}`: cumulative, so that a lost one does not matter.
+// Ack: Payload of `ack/{program}`: cumulative, so a lost one does not matter.
 type Ack struct {
 	Program string `msgpack:"program" mc:"required"`
-	// Accepted: lines through this number are taken and journaled.
+	// Accepted: lines through this number are accepted and journaled.
 	Accepted int64 `msgpack:"accepted" mc:"required"`
-	// Done: this line and every one before it have ended: their setpoints have been passed, and behind an exact
-	// stop the axes are in position. Between exact stops an axis may be behind by its following error, at most
-	// `max_following_error`: to ask for more would make a stop of each line.
+	// Done: this line and every one before it have ended: their setpoints have been passed, and after an exact stop
+	// the axes are in position. Between exact stops an axis may lag by its following error, at most
+	// `max_following_error`: a stricter condition would make each line a stop.
 	Done int64 `msgpack:"done" mc:"required"`
 	// Credit: how many lines after `accepted` fit now.
 	Credit int64 `msgpack:"credit" mc:"required"`
@@ -298,10 +298,10 @@ type Ack struct {
 	Diagnostics []Diagnostic `msgpack:"diagnostics"`
 	// Fault: what stopped the program.
 	Fault *Fault `msgpack:"fault"`
-	// Expected: set where the message acknowledged held a gap: the number that is expected.
+	// Expected: the line number expected, set if the acknowledged message left a gap.
 	Expected int64 `msgpack:"expected"`
 	// Rejections: how many lines of the program have been rejected so far. An acknowledgement with a smaller count
-	// than one before is older: its numbers are of lines that are given up.
+	// than an earlier one is older: its numbers are of lines that were discarded.
 	Rejections int64 `msgpack:"rejections"`
 	// Reason: why it was aborted: by whom, or a code; empty in programs of an earlier start of the server.
 	Reason string `msgpack:"reason"`
@@ -324,12 +324,12 @@ type ArmRequest struct {
 	Seconds *float64 `msgpack:"seconds"`
 	// Override: the greatest feed override [%].
 	Override *float64 `msgpack:"override"`
-	// Number: of the request that was looked at: one that was made anew since is not armed; nil: any.
+	// Number: of the request that was reviewed: one that was repeated since is not armed; nil: any.
 	Number *int64 `msgpack:"number"`
-	// StandingS: for so long whatever else the same client asks for, and stays inside of the envelope of this run,
-	// is armed as it is asked for; 0: only this run, once.
+	// StandingS: for this time every other run that the same client requests, and that stays inside the envelope of
+	// this run, is armed at its request; 0: only this run, once.
 	StandingS float64 `msgpack:"standing_s"`
-	// Servo: as long it may stream targets, too, inside of the extents, speeds and duration of this run
+	// Servo: for the same time it may also stream targets, inside the extents, speeds and duration of this run
 	// (`servo_armed`); no simulation shows these beforehand.
 	Servo bool `msgpack:"servo"`
 }
@@ -356,10 +356,10 @@ type AxesStatus struct {
 	Velocity []float64   `msgpack:"velocity" mc:"required"`
 	Torque   []float64   `msgpack:"torque" mc:"required"`
 	State    []AxisState `msgpack:"state" mc:"required"`
-	// Homed: whether the axis knows where it is; axes without `[axis.homing]` always do.
+	// Homed: whether the axis knows its position; axes without `[axis.homing]` always do.
 	Homed []bool `msgpack:"homed"`
-	// Skew: of second drives of gantry pairs by how much they are further than their leaders [mm, deg]; of other
-	// axes 0. Empty on a machine without pairs.
+	// Skew: how much the second drive of a gantry pair is further than its leader [mm, deg]; 0 for other axes.
+	// Empty on a machine without pairs.
 	Skew []float64 `msgpack:"skew"`
 	// Silent: whether the axis's drive does not answer: its position, velocity and torque are old. Empty while all
 	// answer.
@@ -387,8 +387,8 @@ type AxisDifference struct {
 }
 
 // AxisInfo: One axis; limits in mm or deg and seconds, nil where not limited. `homing`: how it finds its reference;
-// nil: its encoder's reading is its position. `letter`: a further one by which programs of the machine's profile
-// name it, such as `E`; empty: none. `spindle`: M3, M4, M5 and S turn it.
+// nil: its encoder's reading is its position. `letter`: an additional letter by which programs of the machine's
+// profile name it, such as `E`; empty: none. `spindle`: M3, M4, M5 and S turn it.
 type AxisInfo struct {
 	Index           int64    `msgpack:"index" mc:"required"`
 	Type            AxisKind `msgpack:"type" mc:"required"`
@@ -472,9 +472,9 @@ type ButtonInfo struct {
 	Name string `msgpack:"name" mc:"required"`
 	// Text: lines of G-code; `{name}` is the place of an argument.
 	Text string `msgpack:"text" mc:"required"`
-	// Role: the least that may press it, `operator` or `engineer`.
+	// Role: the lowest role that may press it, `operator` or `engineer`.
 	Role string `msgpack:"role" mc:"required"`
-	// Confirm: what has to be confirmed before it runs; empty: nothing.
+	// Confirm: what must be confirmed before it runs; empty: nothing.
 	Confirm   string         `msgpack:"confirm" mc:"required"`
 	Arguments []ArgumentInfo `msgpack:"arguments" mc:"required"`
 	// Group: the heading under which pages show it.
@@ -489,7 +489,7 @@ type CheckReply struct {
 
 // CheckRequest: Every fault of a program's text; nothing runs.
 type CheckRequest struct {
-	// Text: the whole of it; or sha256: of one that was handed over by `put_text`.
+	// Text: the whole text; or sha256: of one that was uploaded by `put_text`.
 	Text string `msgpack:"text"`
 	// Positions: start the axes there [mm, deg].
 	Positions map[string]float64 `msgpack:"positions"`
@@ -503,7 +503,7 @@ type CheckRequest struct {
 // ClearanceReport: The least distances of a run's bodies.
 type ClearanceReport struct {
 	MarginMm float64 `msgpack:"margin_mm" mc:"required"`
-	// LeastMm: nil where all stayed more than 50 mm above the margin apart.
+	// LeastMm: nil if all stayed apart by more than the margin plus 50 mm.
 	LeastMm *float64 `msgpack:"least_mm" mc:"required"`
 	// Pairs: that came nearer, the nearest first, 20 at most.
 	Pairs []PairClearance `msgpack:"pairs" mc:"required"`
@@ -519,14 +519,14 @@ type CloseReply struct {
 	State    ProgramState `msgpack:"state" mc:"required"`
 }
 
-// CloseRequest: No more lines will come; what is there runs to its end. `last`: the last line that was sent; the
-// program is only closed if it has been accepted.
+// CloseRequest: No more lines will come; the accepted lines run to their end. `last`: the last line that was sent;
+// the program is only closed if it has been accepted.
 type CloseRequest struct {
 	Program string `msgpack:"program" mc:"required"`
 	Last    *int64 `msgpack:"last"`
 }
 
-// Continuation: How a program would go on.
+// Continuation: How a program would continue.
 type Continuation struct {
 	// Program: its id, empty for a text.
 	Program string `msgpack:"program" mc:"required"`
@@ -538,15 +538,15 @@ type Continuation struct {
 	Done int64 `msgpack:"done" mc:"required"`
 	// Accepted: as it ended; lines through `done` are certain.
 	Accepted int64 `msgpack:"accepted" mc:"required"`
-	// Whole: its text is known to its end, so that nothing has to be sent.
+	// Whole: its text is known to its end, so nothing must be sent.
 	Whole bool `msgpack:"whole" mc:"required"`
 	// Sha256: of its whole text.
 	Sha256 *string `msgpack:"sha256" mc:"required"`
 	// Line: the first that would run.
 	Line int64 `msgpack:"line" mc:"required"`
-	// First: of the text about that line.
+	// First: of the text around that line.
 	First int64 `msgpack:"first" mc:"required"`
-	// Lines: of the text about that line.
+	// Lines: of the text around that line.
 	Lines []string `msgpack:"lines" mc:"required"`
 	// Modal: codes in force there.
 	Modal []string `msgpack:"modal" mc:"required"`
@@ -556,33 +556,33 @@ type Continuation struct {
 	Axes []AxisStart `msgpack:"axes" mc:"required"`
 	// Way: the moves that bring them there, in order.
 	Way []WayStep `msgpack:"way" mc:"required"`
-	// Switched: what the program had switched otherwise than it is now.
+	// Switched: what the program had switched differently from now.
 	Switched []Switched `msgpack:"switched" mc:"required"`
-	// Needs: what stands in the way; one that has `confirm` passes with that field of the request.
+	// Needs: what prevents it; one that has `confirm` is met by that field of the request.
 	Needs []Need `msgpack:"needs" mc:"required"`
-	// BlockDelete: what it goes on with.
+	// BlockDelete: the settings that it continues with.
 	BlockDelete bool `msgpack:"block_delete" mc:"required"`
-	// OptionalStop: what it goes on with.
+	// OptionalStop: the settings that it continues with.
 	OptionalStop bool `msgpack:"optional_stop" mc:"required"`
 }
 
 // ContinuationRequest: What a start in the middle of a program would do; nothing moves.
 type ContinuationRequest struct {
-	// Program: one that has ended; where others have gone on with it, the last of these is meant.
+	// Program: one that has ended; if others have continued it, the last of these is meant.
 	Program string `msgpack:"program"`
-	// Line: the first that would run; nil: the one behind the last that is done.
+	// Line: the first that would run; nil: the one after the last that is done.
 	Line *int64 `msgpack:"line"`
 	// Before: lines 1 … line - 1 of a text, instead of `program`.
 	Before []string `msgpack:"before"`
 	// Axes: of it; nil: all of the machine.
 	Axes []int64 `msgpack:"axes"`
-	// BlockDelete: of the text, as of `OpenRequest`; a program keeps what it had.
+	// BlockDelete: of the text, as in `OpenRequest`; a program keeps its settings.
 	BlockDelete *bool `msgpack:"block_delete"`
-	// OptionalStop: of the text, as of `OpenRequest`; a program keeps what it had.
+	// OptionalStop: of the text, as in `OpenRequest`; a program keeps its settings.
 	OptionalStop *bool `msgpack:"optional_stop"`
 }
 
-// ContinueReply: The program that goes on, as `OpenReply`.
+// ContinueReply: The program that continues, like `OpenReply`.
 type ContinueReply struct {
 	Program  string       `msgpack:"program" mc:"required"`
 	State    ProgramState `msgpack:"state" mc:"required"`
@@ -592,25 +592,25 @@ type ContinueReply struct {
 	Instance string       `msgpack:"instance" mc:"required"`
 	// Line: the first that runs.
 	Line int64 `msgpack:"line" mc:"required"`
-	// ResumeOf: the program that it goes on with.
+	// ResumeOf: the program that it continues.
 	ResumeOf string `msgpack:"resume_of" mc:"required"`
-	// Whole: all of its lines are there; else the client sends those from `expected` on.
+	// Whole: the server has all of its lines; otherwise the client sends those from `expected` on.
 	Whole bool `msgpack:"whole" mc:"required"`
 }
 
-// ContinueRequest: Goes on with a program that has ended.
+// ContinueRequest: Continues a program that has ended.
 type ContinueRequest struct {
 	// Program: as in `ContinuationRequest`.
 	Program string `msgpack:"program" mc:"required"`
 	// Line: as in `ContinuationRequest`.
 	Line *int64 `msgpack:"line"`
-	// Way: axes may go the way that `continuation` shows, where the machine file names no safe one.
+	// Way: axes may move as `continuation` shows, if the machine file names no safe way.
 	Way bool `msgpack:"way"`
-	// Outputs: set what the program had switched, or leave it as it is; nil: nothing was said.
+	// Outputs: set what the program had switched, or leave it as it is; nil: not specified.
 	Outputs *Outputs `msgpack:"outputs"`
-	// OnDisconnect: as of `OpenRequest`.
+	// OnDisconnect: as in `OpenRequest`.
 	OnDisconnect *OnDisconnect `msgpack:"on_disconnect"`
-	// GraceS: as of `OpenRequest`.
+	// GraceS: as in `OpenRequest`.
 	GraceS *float64 `msgpack:"grace_s"`
 	// Hold: begin held.
 	Hold bool `msgpack:"hold"`
@@ -632,15 +632,15 @@ type Difference struct {
 type DiskStatus struct {
 	// Since: Unix time from which on it is slow [s].
 	Since float64 `msgpack:"since" mc:"required"`
-	// CommitS: for how long what is to be said has waited for the journal's commit [s].
+	// CommitS: how long messages have waited for the journal's commit [s].
 	CommitS float64 `msgpack:"commit_s" mc:"required"`
-	// SyncS: how long the sync under way has taken [s]; a power cut loses what was committed in that time.
+	// SyncS: how long the current sync has taken [s]; a power cut loses what was committed in that time.
 	SyncS float64 `msgpack:"sync_s" mc:"required"`
 	// WorstS: the longest of these since then [s].
 	WorstS float64 `msgpack:"worst_s" mc:"required"`
 }
 
-// Done: Reply of methods that only do something: the programs concerned.
+// Done: Reply of methods that return no data: the programs concerned.
 type Done struct {
 	Programs []string `msgpack:"programs" mc:"required"`
 }
@@ -709,11 +709,11 @@ type DriveParametersRequest struct {
 // DriveScopeRequest: Every mapped object of an axis's drive in each cycle.
 type DriveScopeRequest struct {
 	Axis int64 `msgpack:"axis" mc:"required"`
-	// Seconds: that are kept.
+	// Seconds: time kept.
 	Seconds *float64 `msgpack:"seconds"`
 	// Trigger: such as `following error > 0.05`; empty: at once.
 	Trigger string `msgpack:"trigger"`
-	// Level: fires also where the level is met already.
+	// Level: fires also if the level is already met.
 	Level bool `msgpack:"level"`
 	// BeforeS: kept before the trigger; nil: a quarter.
 	BeforeS *float64 `msgpack:"before_s"`
@@ -737,7 +737,7 @@ type DriveTrace struct {
 	Signals []ScopeSignal `msgpack:"signals" mc:"required"`
 }
 
-// DriveTuneRequest: The gains of an axis in mode cst or csv, by the motion of a program; `seconds`: looked at.
+// DriveTuneRequest: The gains of an axis in mode cst or csv, by the motion of a program; `seconds`: time observed.
 type DriveTuneRequest struct {
 	Axis    int64    `msgpack:"axis" mc:"required"`
 	Seconds *float64 `msgpack:"seconds"`
@@ -771,12 +771,12 @@ type DrivesHealthReply struct {
 	Buses []BusHealth `msgpack:"buses" mc:"required"`
 }
 
-// DrivesHealthRequest: How the buses are; `seconds`: for which they are listened to, all together.
+// DrivesHealthRequest: Health of the buses; `seconds`: how long to listen to them, all together.
 type DrivesHealthRequest struct {
 	Seconds *float64 `msgpack:"seconds"`
 }
 
-// DrivesReply: By axis; empty where no drive is on a bus.
+// DrivesReply: By axis; empty if no drive is on a bus.
 type DrivesReply struct {
 	Drives []DriveInfo `msgpack:"drives" mc:"required"`
 }
@@ -789,7 +789,7 @@ type DrivesScanReply struct {
 	Buses []BusScan `msgpack:"buses" mc:"required"`
 }
 
-// DrivesScanRequest: Asks who is on a bus: every node number of CAN, every drive of EtherCAT; `bus` empty: on all.
+// DrivesScanRequest: Scans a bus: every node number of CAN, every drive of EtherCAT; `bus` empty: all buses.
 type DrivesScanRequest struct {
 	Bus string `msgpack:"bus"`
 }
@@ -811,7 +811,7 @@ type ErrorReply struct {
 	Hint    string `msgpack:"hint"`
 	// Details: what the code's entry in docs/wire/errors.md lists, such as `expected`.
 	Details map[string]any `msgpack:"details"`
-	// Diagnostics: faults of G-code, where the error is about lines.
+	// Diagnostics: faults of G-code, if the error concerns lines.
 	Diagnostics []Diagnostic `msgpack:"diagnostics"`
 }
 
@@ -819,7 +819,7 @@ type ErrorReply struct {
 type EstopRequest struct {
 	// Reason: for people.
 	Reason string `msgpack:"reason"`
-	// Client: on the key `estop`, who stops, as it says itself; a call has it in its key.
+	// Client: on the key `estop`, who stops, by its own account; a call has it in its key.
 	Client string `msgpack:"client"`
 }
 
@@ -829,7 +829,7 @@ type Event struct {
 	// T: executor time [s].
 	T        float64 `msgpack:"t" mc:"required"`
 	Instance string  `msgpack:"instance" mc:"required"`
-	// Kind: says which of the others are set (docs/wire/events.md).
+	// Kind: determines which of the others are set (docs/wire/events.md).
 	Kind    EventKind     `msgpack:"kind" mc:"required"`
 	Program *string       `msgpack:"program"`
 	Client  *string       `msgpack:"client"`
@@ -852,7 +852,7 @@ type Event struct {
 	Wall float64 `msgpack:"wall"`
 }
 
-// EventsReply: `oldest` is the first number that the server still has; `newest` the last one published.
+// EventsReply: `oldest` is the first number that the server still holds; `newest` the last one published.
 type EventsReply struct {
 	Instance string  `msgpack:"instance" mc:"required"`
 	Oldest   int64   `msgpack:"oldest" mc:"required"`
@@ -860,7 +860,7 @@ type EventsReply struct {
 	Events   []Event `msgpack:"events" mc:"required"`
 }
 
-// EventsRequest: Events that the server still has, from number `since` on, oldest first.
+// EventsRequest: Events that the server still holds, from number `since` on, oldest first.
 type EventsRequest struct {
 	Since int64  `msgpack:"since"`
 	Limit *int64 `msgpack:"limit"`
@@ -877,7 +877,7 @@ type Extent struct {
 	Turns bool `msgpack:"turns"`
 }
 
-// Fault: What stopped motion: a stable code, the axis and the line where they apply.
+// Fault: What stopped motion: a stable code, and the axis and line if they apply.
 type Fault struct {
 	Code    string  `msgpack:"code" mc:"required"`
 	Message string  `msgpack:"message" mc:"required"`
@@ -905,7 +905,7 @@ type Info struct {
 	Server  string `msgpack:"server" mc:"required"`
 	// Protocol: versions of this key space that the server speaks.
 	Protocol []int64 `msgpack:"protocol" mc:"required"`
-	// Instance: one start of the server; another one means that programs before it were interrupted.
+	// Instance: one start of the server; a different one means that earlier programs were interrupted.
 	Instance string `msgpack:"instance" mc:"required"`
 	// Epoch: Unix time of executor time 0, by the clock as it goes now [s].
 	Epoch     float64       `msgpack:"epoch" mc:"required"`
@@ -917,15 +917,15 @@ type Info struct {
 	Methods   []string      `msgpack:"methods" mc:"required"`
 	Inputs    []InputInfo   `msgpack:"inputs"`
 	Outputs   []OutputInfo  `msgpack:"outputs"`
-	// Buttons: programs of the machine file that operators start, numbers to be put into their places.
+	// Buttons: programs of the machine file that operators start, with places for numbers.
 	Buttons []ButtonInfo `msgpack:"buttons"`
-	// Group: what people find the machine by.
+	// Group: by which people find the machine.
 	Group string `msgpack:"group"`
-	// Tags: what people find the machine by.
+	// Tags: by which people find the machine.
 	Tags []string `msgpack:"tags"`
 	// Camera: address of a still picture or of MJPEG; empty: none.
 	Camera string `msgpack:"camera"`
-	// OrdersFrom: instruments that may order, such as `opcua`; others only show the machine.
+	// OrdersFrom: instruments that may command, such as `opcua`; others only show the machine.
 	OrdersFrom []string `msgpack:"orders_from"`
 }
 
@@ -935,11 +935,11 @@ type InfoRequest struct{}
 // InputInfo: One input.
 type InputInfo struct {
 	Name string `msgpack:"name" mc:"required"`
-	// Number: of its kind, as M66 names it.
+	// Number: within its kind, as M66 names it.
 	Number int64       `msgpack:"number" mc:"required"`
 	Kind   ChannelKind `msgpack:"kind" mc:"required"`
 	Unit   string      `msgpack:"unit"`
-	// Source: where a real one comes from; empty: it is simulated.
+	// Source: of a real input; empty: it is simulated.
 	Source string `msgpack:"source"`
 	// Hold: it can hold the programs, or stop the machine.
 	Hold bool `msgpack:"hold"`
@@ -963,16 +963,16 @@ type JogReply struct {
 // JogRequest: Moves one axis by hand.
 type JogRequest struct {
 	Axis int64 `msgpack:"axis" mc:"required"`
-	// Distance: from where it is, signed [mm, deg]; nil: on until stopped or the limit, sign of `velocity`.
+	// Distance: from where it is, signed [mm, deg]; nil: until stopped or the limit, by the sign of `velocity`.
 	Distance *float64 `msgpack:"distance"`
 	// Velocity: [mm/s, deg/s]; nil: a tenth of the axis's limit.
 	Velocity *float64 `msgpack:"velocity"`
-	// HoldS: dead man's time: the axis stops unless the same jog is asked for again within it; nil: no such watch.
-	// A jog without distance always has one (default 0.5 s).
+	// HoldS: dead-man timeout: the axis stops unless the same jog is requested again within it; nil: no timeout. A
+	// jog without distance always has one (default 0.5 s).
 	HoldS *float64 `msgpack:"hold_s"`
-	// Program: id of the jog under way that this request keeps alive.
+	// Program: id of the running jog that this request keeps alive.
 	Program string `msgpack:"program"`
-	// By: the person, where a client serves several: steps of one person follow each other, those of another one
+	// By: the person, if a client serves several: steps of one person follow each other, those of another person
 	// are refused (MC512) while the axis moves.
 	By string `msgpack:"by"`
 }
@@ -997,7 +997,7 @@ type Judged struct {
 	Line int64 `msgpack:"line" mc:"required"`
 }
 
-// LeaveRequest: The client goes for good: what it has open ends now as its `on_disconnect` says, without a grace.
+// LeaveRequest: The client leaves: its open programs end now as their `on_disconnect` says, without a grace time.
 type LeaveRequest struct{}
 
 // LimitsInfo: Bounds of the service.
@@ -1018,7 +1018,7 @@ type LineReport struct {
 	StartS float64 `msgpack:"start_s" mc:"required"`
 	// EndS: executor time [s].
 	EndS float64 `msgpack:"end_s" mc:"required"`
-	// RequestedS: nil for what asks for no time.
+	// RequestedS: nil if the line requests no time.
 	RequestedS *float64 `msgpack:"requested_s"`
 	// StretchedBy: actual / requested; nil without a requested time.
 	StretchedBy *float64 `msgpack:"stretched_by"`
@@ -1034,7 +1034,7 @@ type MachineFileReply struct {
 	Text string `msgpack:"text" mc:"required"`
 	// Sha256: of that text.
 	Sha256 string `msgpack:"sha256" mc:"required"`
-	// InForce: the server runs by this text; else it has changed since the start.
+	// InForce: the server runs with this text; otherwise it has changed since the start.
 	InForce bool `msgpack:"in_force" mc:"required"`
 }
 
@@ -1062,18 +1062,18 @@ type MachineStatus struct {
 	// Outputs: those of the machine file, in the order of `info`.
 	Outputs []OutputStatus `msgpack:"outputs"`
 	Probe   *ProbeStatus   `msgpack:"probe"`
-	// WorkOffsets: systems that were set, in which the next program starts (G54 is in force then).
+	// WorkOffsets: systems that were set, with which the next program starts (G54 is in force then).
 	WorkOffsets []WorkOffset `msgpack:"work_offsets"`
 	// Disk: how slow the disk under the journal is; nil: it keeps up.
 	Disk *DiskStatus `msgpack:"disk"`
-	// Mounted: tools that have bodies and are known to be there.
+	// Mounted: tools that have bodies and are known to be mounted.
 	Mounted []MountedTool `msgpack:"mounted"`
 	// BedMesh: mesh in force where G29 probes one: none, that of the machine file, or the probed one; nil: G29 does
 	// not probe.
 	BedMesh *BedMeshState `msgpack:"bed_mesh"`
 }
 
-// MeshInfo: A mesh that the URDF names: `name` as it stands there; `size` in bytes, 0: it is not to be had.
+// MeshInfo: A mesh that the URDF names: `name` as written there; `size` in bytes, 0: it is not available.
 type MeshInfo struct {
 	Name string `msgpack:"name" mc:"required"`
 	Size int64  `msgpack:"size" mc:"required"`
@@ -1084,27 +1084,27 @@ type ModelBody struct {
 	Name string `msgpack:"name" mc:"required"`
 	// Shape: `box` (of a zone too), `cylinder`, `capsule`, `sphere`, `mesh` or `cutter`.
 	Shape string `msgpack:"shape" mc:"required"`
-	// SizeMm: edges of a box, radius and length of what is round.
+	// SizeMm: edges of a box, radius and length of a round shape.
 	SizeMm []float64 `msgpack:"size_mm" mc:"required"`
-	// AtMm: in the frame of what carries it, Rz(C)·Ry(B)·Rx(A).
+	// AtMm: in the frame of its carrier, Rz(C)·Ry(B)·Rx(A).
 	AtMm []float64 `msgpack:"at_mm" mc:"required"`
-	// TurnedDeg: in the frame of what carries it, Rz(C)·Ry(B)·Rx(A).
+	// TurnedDeg: in the frame of its carrier, Rz(C)·Ry(B)·Rx(A).
 	TurnedDeg []float64 `msgpack:"turned_deg" mc:"required"`
-	// Mesh: its place in `ModelReply.meshes`; the file is in mm.
+	// Mesh: its index in `ModelReply.meshes`; the file is in mm.
 	Mesh *int64 `msgpack:"mesh"`
 	// Link: of the URDF that carries it.
 	Link string `msgpack:"link"`
-	// CarriedBy: axes that do instead
+	// CarriedBy: axes that carry it instead
 	CarriedBy []int64 `msgpack:"carried_by"`
-	// Directions: of them, 0 to 2 for X to Z.
+	// Directions: of these, 0 to 2 for X to Z.
 	Directions []int64 `msgpack:"directions"`
-	// Opposite: against their sense. Neither: it stands.
+	// Opposite: in their negative direction. Neither: it is fixed.
 	Opposite bool `msgpack:"opposite"`
-	// Tool: that it comes with; nil: it is always there.
+	// Tool: with which it is mounted; nil: it is always there.
 	Tool *int64 `msgpack:"tool"`
 	// Zone: `keep_out`, `keep_in` or `slow`; empty: a body.
 	Zone string `msgpack:"zone"`
-	// Input: name of what switches it on; empty: it is always on.
+	// Input: name of the input that switches it on; empty: it is always on.
 	Input string `msgpack:"input"`
 	// High: the input's level then.
 	High bool `msgpack:"high"`
@@ -1132,7 +1132,7 @@ type ModelReply struct {
 	Digest string `msgpack:"digest" mc:"required"`
 	// Joints: the joint that each axis moves, by axis number.
 	Joints map[string]string `msgpack:"joints" mc:"required"`
-	// Meshes: of the visuals, and behind them those of bodies, in the order of `ModelMeshRequest.mesh`.
+	// Meshes: of the visuals, followed by those of bodies, in the order of `ModelMeshRequest.mesh`.
 	Meshes []MeshInfo  `msgpack:"meshes" mc:"required"`
 	Bodies []ModelBody `msgpack:"bodies"`
 }
@@ -1148,10 +1148,11 @@ type MonitoredValue struct {
 	Subindex int64  `msgpack:"subindex"`
 }
 
-// MountedTool: A tool that has a body and is mounted, as a program has said.
+// MountedTool: A tool that has a body and is mounted, according to a program.
 type MountedTool struct {
 	Number int64 `msgpack:"number" mc:"required"`
-	// Spindle: it is the cutter there, with `length` and `diameter` of the tool table [mm]; else both are 0.
+	// Spindle: it is the cutter in the spindle, with `length` and `diameter` of the tool table [mm]; otherwise both
+	// are 0.
 	Spindle  bool    `msgpack:"spindle" mc:"required"`
 	Length   float64 `msgpack:"length" mc:"required"`
 	Diameter float64 `msgpack:"diameter" mc:"required"`
@@ -1204,55 +1205,55 @@ type OpenRequest struct {
 	Name string `msgpack:"name"`
 	// Axes: the axes to lease; nil: all of the machine.
 	Axes []int64 `msgpack:"axes"`
-	// OnDisconnect: what happens when the client's liveliness token goes, or it calls `leave`.
+	// OnDisconnect: what happens when the client's liveliness token disappears, or it calls `leave`.
 	OnDisconnect *OnDisconnect `msgpack:"on_disconnect"`
-	// GraceS: how long the token may be away before that; whoever is back within it goes on.
+	// GraceS: how long the token may be absent before that; a client that returns in this time continues.
 	GraceS *float64 `msgpack:"grace_s"`
 	// StartLine: number of the first line that will run.
 	StartLine *int64 `msgpack:"start_line"`
-	// Before: lines 1 … start_line - 1. They do not run; the axes go to where they end, energized, in the modal
-	// state of there.
+	// Before: lines 1 … start_line - 1. They do not run; the axes move to where these lines end, energized, in the
+	// modal state that they leave.
 	Before []string `msgpack:"before"`
 	// ResumeOf: id of an earlier program; its journaled lines before `start_line` serve as `before`.
 	ResumeOf string `msgpack:"resume_of"`
-	// Step: single line mode: a line starts only when `step` asks for it.
+	// Step: single-line mode: a line starts only on a `step` call.
 	Step bool `msgpack:"step"`
 	// Hold: begin held; `resume` starts it.
 	Hold bool `msgpack:"hold"`
-	// Sha256: of the whole text; its times, of `simulate` or `put_text`, are those of the program.
+	// Sha256: of the whole text; its times, from `simulate` or `put_text`, are used for the program.
 	Sha256 string `msgpack:"sha256"`
-	// AtPause: run now, also on axes of a program that stands at a pause, such as to set zero with a new tool;
-	// refused (MC512) where it would have to wait. Without it a program waits for the other's end.
+	// AtPause: run now, also on axes of a program that is at a pause, such as to set zero with a new tool; refused
+	// (MC512) if it would have to wait. Without it a program waits for the other's end.
 	AtPause bool `msgpack:"at_pause"`
 	// Way: of a start in the middle, as in `ContinueRequest`.
 	Way bool `msgpack:"way"`
 	// Outputs: of a start in the middle, as in `ContinueRequest`.
 	Outputs *Outputs `msgpack:"outputs"`
-	// BlockDelete: lines that begin with `/` are skipped, until the program ends; nil: they are carried out as if
-	// it were not there, but `resume_of` keeps what it had (D-98).
+	// BlockDelete: lines that begin with `/` are skipped, until the program ends; nil: they are executed as if it
+	// were not there, but `resume_of` keeps its setting (D-98).
 	BlockDelete *bool `msgpack:"block_delete"`
-	// OptionalStop: whether M01 pauses; nil: it does, but `resume_of` keeps what it had.
+	// OptionalStop: whether M01 pauses; nil: it does, but `resume_of` keeps its setting.
 	OptionalStop *bool `msgpack:"optional_stop"`
 }
 
 // OutputInfo: One output.
 type OutputInfo struct {
 	Name string `msgpack:"name" mc:"required"`
-	// Number: of its kind, as M62 to M68 name it.
+	// Number: within its kind, as M62 to M68 name it.
 	Number int64       `msgpack:"number" mc:"required"`
 	Kind   ChannelKind `msgpack:"kind" mc:"required"`
 	Unit   string      `msgpack:"unit"`
-	// Target: where a real one goes; empty: it is simulated.
+	// Target: of a real output; empty: it is simulated.
 	Target string `msgpack:"target"`
 	// Min: least and greatest value.
 	Min float64 `msgpack:"min"`
 	// Max: least and greatest value.
 	Max float64 `msgpack:"max" mc:"default=1"`
-	// Safe: its value once what has set it is lost; nil: it stays.
+	// Safe: its value once its setter is lost; nil: it stays.
 	Safe *float64 `msgpack:"safe"`
 }
 
-// OutputStatus: An output: its value (digital: 0, 1), and who has set it last: a program's id, `operator` or nobody
+// OutputStatus: An output: its value (digital: 0, 1), and who set it last: a program's id, `operator` or nobody
 // (empty).
 type OutputStatus struct {
 	Name  string  `msgpack:"name" mc:"required"`
@@ -1266,7 +1267,7 @@ type OverrideReply struct {
 	Programs []string `msgpack:"programs" mc:"required"`
 }
 
-// OverrideRequest: Feed override of one program or of all, those to come included; 100 is as programmed.
+// OverrideRequest: Feed override of one program or of all, including future ones; 100 is as programmed.
 type OverrideRequest struct {
 	Percent float64 `msgpack:"percent" mc:"required"`
 	Program string  `msgpack:"program"`
@@ -1302,8 +1303,8 @@ type ProbeStatus struct {
 	Line    int64  `msgpack:"line" mc:"required"`
 	// Tripped: the probe changed.
 	Tripped bool `msgpack:"tripped" mc:"required"`
-	// Positions: where the axes were then, else where the move ended, by number [mm, deg]: positions of axes,
-	// whatever offsets the program had.
+	// Positions: where the axes were then, else where the move ended, by number [mm, deg]: machine positions,
+	// independent of the program's offsets.
 	Positions map[string]float64 `msgpack:"positions" mc:"required"`
 	// T: executor time [s].
 	T float64 `msgpack:"t" mc:"required"`
@@ -1322,18 +1323,18 @@ type ProgramStatus struct {
 	Name      string       `msgpack:"name" mc:"required"`
 	Axes      []int64      `msgpack:"axes" mc:"required"`
 	StartLine int64        `msgpack:"start_line" mc:"required"`
-	// Line: the line under way, at a pause the one that asks for it; 0: none yet.
+	// Line: the line being run, at a pause the one that asks for it; 0: none yet.
 	Line     int64   `msgpack:"line" mc:"required"`
 	Accepted int64   `msgpack:"accepted" mc:"required"`
 	Done     int64   `msgpack:"done" mc:"required"`
 	Credit   int64   `msgpack:"credit" mc:"required"`
 	Closed   bool    `msgpack:"closed" mc:"required"`
 	Override float64 `msgpack:"override" mc:"required"`
-	// Progress: share of its time that has passed, 0 … 1; where `duration_s` is not known, of its lines.
+	// Progress: share of its time that has passed, 0 … 1; if `duration_s` is unknown, of its lines.
 	Progress float64 `msgpack:"progress" mc:"required"`
 	// OpenedAt: Unix time [s].
 	OpenedAt float64 `msgpack:"opened_at" mc:"required"`
-	// EtaS: until its end at its override [s]; where `duration_s` is not known, until the end of what is planned.
+	// EtaS: until its end at its override [s]; if `duration_s` is unknown, until the end of what is planned.
 	EtaS        *float64     `msgpack:"eta_s"`
 	Fault       *Fault       `msgpack:"fault"`
 	Rejected    int64        `msgpack:"rejected"`
@@ -1341,29 +1342,29 @@ type ProgramStatus struct {
 	ResumeOf    *string      `msgpack:"resume_of"`
 	// EndedAt: Unix time [s].
 	EndedAt *float64 `msgpack:"ended_at"`
-	// DurationS: of the whole program at 100 %, as its text was simulated [s]; nil: it was not.
+	// DurationS: of the whole program at 100 %, as its text was simulated [s]; nil: not simulated.
 	DurationS *float64 `msgpack:"duration_s"`
-	// Notice: what it said last to the operator; while it is paused, what to do before it is resumed.
+	// Notice: its last message to the operator; while it is paused, what to do before it is resumed.
 	Notice string `msgpack:"notice"`
-	// Simulated: share of its lines that the simulation has reached; below 1 `duration_s` is an estimate by the
+	// Simulated: share of its lines that the simulation has reached; below 1 `duration_s` is an estimate from the
 	// lines so far.
 	Simulated float64 `msgpack:"simulated" mc:"default=1"`
-	// Pauses: how many of its lines to come wait for an operator, as far as simulated; `eta_s` is without these
+	// Pauses: how many of its remaining lines wait for an operator, as far as simulated; `eta_s` excludes these
 	// waits.
 	Pauses int64 `msgpack:"pauses"`
-	// WaitsFor: the input that M66, or a code of `[dialect.waits]`, waits for, those that hold it (docs/io.md), or
-	// the program that is waited for to leave (docs/clearance.md); empty: for none.
+	// WaitsFor: the input that M66, or a code of `[dialect.waits]`, waits for, the inputs that hold it
+	// (docs/io.md), or the program that must leave first (docs/clearance.md); empty: none.
 	WaitsFor string `msgpack:"waits_for"`
 	// Rejections: as in `Ack`; 0 in programs of an earlier start of the server.
 	Rejections int64 `msgpack:"rejections"`
-	// Servo: of a program in servo mode; nil: it is none.
+	// Servo: of a program in servo mode; nil: it is not in servo mode.
 	Servo *ServoStatus `msgpack:"servo"`
 	// Reason: as in `Ack`.
 	Reason string `msgpack:"reason"`
-	// BlockDelete: as of `OpenRequest`; nil: of a program of an earlier start of the server (`continuation` tells
+	// BlockDelete: as in `OpenRequest`; nil: a program of an earlier start of the server (`continuation` reports
 	// them).
 	BlockDelete *bool `msgpack:"block_delete"`
-	// OptionalStop: as of `OpenRequest`; nil: of a program of an earlier start of the server (`continuation` tells
+	// OptionalStop: as in `OpenRequest`; nil: a program of an earlier start of the server (`continuation` reports
 	// them).
 	OptionalStop *bool `msgpack:"optional_stop"`
 }
@@ -1382,13 +1383,13 @@ type ProgramsRequest struct {
 	Limit *int64 `msgpack:"limit"`
 }
 
-// PutTextReply: How much of the text is there: the next part begins at `received`.
+// PutTextReply: How much of the text has arrived: the next part begins at `received`.
 type PutTextReply struct {
 	// Received: of the text [bytes].
 	Received int64 `msgpack:"received" mc:"required"`
-	// Lines: in what is there.
+	// Lines: in this part of it.
 	Lines int64 `msgpack:"lines" mc:"required"`
-	// Complete: all of it is.
+	// Complete: all of it has arrived.
 	Complete bool `msgpack:"complete" mc:"required"`
 }
 
@@ -1400,7 +1401,7 @@ type PutTextRequest struct {
 	Size int64 `msgpack:"size" mc:"required"`
 	// Offset: where the part begins [bytes].
 	Offset int64 `msgpack:"offset" mc:"required"`
-	// Part: its bytes; characters may be cut.
+	// Part: its bytes; characters may be split.
 	Part []byte `msgpack:"part" mc:"required"`
 }
 
@@ -1409,7 +1410,7 @@ type RecordReply struct {
 	Name string `msgpack:"name" mc:"required"`
 }
 
-// RecordSaveRequest: Writes out the black box, the last minutes. `reason` stands in the file and in its name.
+// RecordSaveRequest: Saves the black box, the last minutes. `reason` is in the file and in its name.
 type RecordSaveRequest struct {
 	Reason *string `msgpack:"reason"`
 }
@@ -1418,11 +1419,11 @@ type RecordSaveRequest struct {
 type RecordStartRequest struct {
 	// Name: of the recording; empty: the time.
 	Name string `msgpack:"name"`
-	// MaxS: when it ends by itself; nil: when it is stopped.
+	// MaxS: when it ends by itself; nil: only when it is stopped.
 	MaxS *float64 `msgpack:"max_s"`
 }
 
-// RecordStopRequest: Ends a recording; without a name the only one. The reply comes once the file is whole.
+// RecordStopRequest: Ends a recording; without a name the only one. The reply comes once the file is complete.
 type RecordStopRequest struct {
 	Name string `msgpack:"name"`
 }
@@ -1461,45 +1462,43 @@ type RecordingPart struct {
 	Data   []byte `msgpack:"data" mc:"required"`
 }
 
-// RecordingReadRequest: Part of a recording's file, for taking it over piece by piece; answered with a
-// `RecordingPart`.
+// RecordingReadRequest: Part of a recording's file, for a download in parts; answered with a `RecordingPart`.
 type RecordingReadRequest struct {
 	Name   string `msgpack:"name" mc:"required"`
 	Offset int64  `msgpack:"offset"`
 	Size   *int64 `msgpack:"size"`
 }
 
-// RecordingsReply: The newest first; `recorder` nil: it does not run. `folder`: on the server's disk.
+// RecordingsReply: The newest first; `recorder` nil: it is not running. `folder`: on the server's disk.
 type RecordingsReply struct {
 	Recordings []RecordingInfo `msgpack:"recordings" mc:"required"`
 	Recorder   *RecorderStatus `msgpack:"recorder" mc:"required"`
 	Folder     string          `msgpack:"folder" mc:"required"`
 }
 
-// RecordingsRequest: The recordings that are there.
+// RecordingsRequest: Lists the recordings.
 type RecordingsRequest struct{}
 
-// ReferenceRequest: Says where axes are, by number as text [mm, deg]; nothing moves.
+// ReferenceRequest: Sets the positions of axes, by number as text [mm, deg]; nothing moves.
 type ReferenceRequest struct {
 	Positions map[string]float64 `msgpack:"positions" mc:"required"`
 }
 
-// RejectRequest: Says no to a run; who asked for it is shown the reason. An approval for a while that was given
-// with it ends.
+// RejectRequest: Rejects a run; its client is shown the reason. An approval for a time that was given with it ends.
 type RejectRequest struct {
 	// Sha256: of the text, or at least its first 8 digits.
 	Sha256 string `msgpack:"sha256" mc:"required"`
 	Reason string `msgpack:"reason"`
-	// Number: as of `ArmRequest`.
+	// Number: as in `ArmRequest`.
 	Number *int64 `msgpack:"number"`
 }
 
-// ResetRequest: Clears a latched fault or emergency stop; axes stay without energy until captured (G1010).
+// ResetRequest: Clears a latched fault or emergency stop; axes stay de-energized until captured (G1010).
 type ResetRequest struct {
 	Axes []int64 `msgpack:"axes"`
 }
 
-// RunApprovalsRequest: Runs whose envelope was approved for a while (`standing_s`), each with `remaining_s` of it.
+// RunApprovalsRequest: Runs whose envelope was approved for a time (`standing_s`), each with its `remaining_s`.
 type RunApprovalsRequest struct{}
 
 // RunArmedReply: The program that was started.
@@ -1508,10 +1507,10 @@ type RunArmedReply struct {
 	Override float64 `msgpack:"override" mc:"required"`
 }
 
-// RunArmedRequest: Starts an armed program; the text is that of the request, to the last character.
+// RunArmedRequest: Starts an armed program; the text is exactly that of the request.
 type RunArmedRequest struct {
 	Text string `msgpack:"text" mc:"required"`
-	// GraceS: as of `OpenRequest`.
+	// GraceS: as in `OpenRequest`.
 	GraceS *float64 `msgpack:"grace_s"`
 }
 
@@ -1530,7 +1529,7 @@ type RunPreviewReply struct {
 	Run  RunRequestStatus `msgpack:"run" mc:"required"`
 	Text string           `msgpack:"text" mc:"required"`
 	Path RunPath          `msgpack:"path" mc:"required"`
-	// Certifiable: what `mcserver certify` signs of it, as JSON: all that its simulation began from, and a digest
+	// Certifiable: what `mcserver certify` signs of it, as JSON: the initial state of its simulation, and a digest
 	// of its setpoints.
 	Certifiable string `msgpack:"certifiable" mc:"required"`
 	// Warnings: of its check and simulation, the first ones
@@ -1539,7 +1538,7 @@ type RunPreviewReply struct {
 	UnshownWarnings int64 `msgpack:"unshown_warnings"`
 }
 
-// RunPreviewRequest: What an operator looks at before arming: the text and its simulated path.
+// RunPreviewRequest: What an operator reviews before arming: the text and its simulated path.
 type RunPreviewRequest struct {
 	// Sha256: of the text, or at least its first 8 digits.
 	Sha256 string `msgpack:"sha256" mc:"required"`
@@ -1552,19 +1551,19 @@ type RunRequestReply struct {
 	Run         *RunRequestStatus `msgpack:"run"`
 }
 
-// RunRequestRequest: Asks for a run of a text. It is checked and simulated, and moves nothing.
+// RunRequestRequest: Requests a run of a text. It is checked and simulated, and moves nothing.
 type RunRequestRequest struct {
 	// Text: the program.
 	Text string `msgpack:"text" mc:"required"`
 	// Name: for people.
 	Name string `msgpack:"name"`
-	// Axes: the only axes that it may move; nil: those that the text names.
+	// Axes: the only axes that it may move; nil: those named in the text.
 	Axes []int64 `msgpack:"axes"`
-	// Certificate: a file of `mcserver certify` for this very run, which arms it; nil: a person has to.
+	// Certificate: a file of `mcserver certify` for exactly this run, which arms it; nil: a person must.
 	Certificate string `msgpack:"certificate"`
-	// BlockDelete: as of `OpenRequest`, and part of what is approved; a certificate has its own.
+	// BlockDelete: as in `OpenRequest`, and part of what is approved; a certificate has its own.
 	BlockDelete *bool `msgpack:"block_delete"`
-	// OptionalStop: as of `OpenRequest`, and part of what is approved; a certificate has its own.
+	// OptionalStop: as in `OpenRequest`, and part of what is approved; a certificate has its own.
 	OptionalStop *bool `msgpack:"optional_stop"`
 }
 
@@ -1581,27 +1580,27 @@ type RunRequestStatus struct {
 	Override   float64  `msgpack:"override" mc:"required"`
 	// Operator: who armed or rejected it.
 	Operator string `msgpack:"operator" mc:"required"`
-	// BlockDelete: what the run has of them, as of `OpenRequest`.
+	// BlockDelete: those of the run, as in `OpenRequest`.
 	BlockDelete bool `msgpack:"block_delete" mc:"required"`
-	// OptionalStop: what the run has of them, as of `OpenRequest`.
+	// OptionalStop: those of the run, as in `OpenRequest`.
 	OptionalStop bool `msgpack:"optional_stop" mc:"required"`
-	// Number: another one each time that the run is asked for, even with the same text.
+	// Number: a new one each time that the run is requested, even with the same text.
 	Number int64 `msgpack:"number"`
 	// Reason: why it was rejected.
 	Reason string `msgpack:"reason"`
-	// Effects: what the run leaves changed for those that come after it, a sentence each.
+	// Effects: what the run leaves changed for later runs, a sentence each.
 	Effects []string `msgpack:"effects"`
 	// Tools: extents of the tools' tips.
 	Tools []ToolExtent `msgpack:"tools"`
-	// Digest: SHA-256 of all that the simulation read.
+	// Digest: SHA-256 of everything that the simulation read.
 	Digest string `msgpack:"digest"`
-	// Changed: what of that is no longer as it was, a sentence each; while there is any it cannot start.
+	// Changed: which of this has changed since, a sentence each; if there is any it cannot start.
 	Changed []string `msgpack:"changed"`
-	// Approval: hash of the approval for a while that has armed it, inside of whose envelope it stays.
+	// Approval: hash of the approval for a time that has armed it; the run stays inside its envelope.
 	Approval string `msgpack:"approval"`
-	// Beyond: what of it is outside of the one that its client has, a sentence each.
+	// Beyond: what of the run is outside the envelope approved for its client, a sentence each.
 	Beyond []string `msgpack:"beyond"`
-	// Servo: it is approved for a while, for streamed targets, too.
+	// Servo: it is approved for a time, for streamed targets, too.
 	Servo bool `msgpack:"servo"`
 }
 
@@ -1610,7 +1609,7 @@ type RunRequestsReply struct {
 	Requests []RunRequestStatus `msgpack:"requests" mc:"required"`
 }
 
-// RunRequestsRequest: What waits for an operator, is armed, or was started lately.
+// RunRequestsRequest: Requests that wait for an operator, are armed, or were started recently.
 type RunRequestsRequest struct{}
 
 // ScannedNode: One node that answers on a bus.
@@ -1657,7 +1656,7 @@ type SdoReadRequest struct {
 	Axis *int64 `msgpack:"axis"`
 	Node *int64 `msgpack:"node"`
 	Bus  string `msgpack:"bus"`
-	// Type: how the bytes are to be read; nil: by the drive's EDS, or the standard's objects.
+	// Type: how to read the bytes; nil: by the drive's EDS, or the standard's objects.
 	Type *SdoType `msgpack:"type"`
 }
 
@@ -1688,7 +1687,7 @@ type SdoWriteRequest struct {
 	Value    Value    `msgpack:"value" mc:"required"`
 }
 
-// ServoReply: The program that follows targets, put as `StreamTargets` on `in/{client}/{program}`; its axes in
+// ServoReply: The program that follows targets, sent as `StreamTargets` on `in/{client}/{program}`; its axes in
 // order.
 type ServoReply struct {
 	Program string  `msgpack:"program" mc:"required"`
@@ -1701,33 +1700,33 @@ type ServoRequest struct {
 	Axes []int64 `msgpack:"axes"`
 	// Name: for people.
 	Name string `msgpack:"name"`
-	// Low: by axis number as text the least position that targets lead to [mm or deg]; with `high` or not at all. A
-	// machine with bodies or zones needs both: where these would not stay clear everywhere between, the program
-	// ends as faulted and nothing moves.
+	// Low: lowest position that targets may command, by axis number as text [mm or deg]; only together with `high`.
+	// A machine with bodies or zones needs both: if these would not stay clear everywhere between, the program ends
+	// as faulted and nothing moves.
 	Low map[string]float64 `msgpack:"low"`
-	// High: by axis number as text the greatest position that targets lead to [mm or deg].
+	// High: highest position that targets may command, by axis number as text [mm or deg].
 	High map[string]float64 `msgpack:"high"`
 }
 
 // ServoStatus: The targets of a program in servo mode, counted since it was opened.
 type ServoStatus struct {
-	// Taken: messages that count.
+	// Taken: messages accepted.
 	Taken int64 `msgpack:"taken" mc:"required"`
-	// Lost: numbers that never came, or came behind later ones.
+	// Lost: numbers that never came, or came after later ones.
 	Lost int64 `msgpack:"lost" mc:"required"`
-	// Late: came later than they count for.
+	// Late: came after their validity.
 	Late int64 `msgpack:"late" mc:"required"`
-	// Doubled: of the newest number, or a lower one.
+	// Doubled: repeated the newest number, or had a lower one.
 	Doubled int64 `msgpack:"doubled" mc:"required"`
-	// Reordered: of the newest number, or a lower one.
+	// Reordered: repeated the newest number, or had a lower one.
 	Reordered int64 `msgpack:"reordered" mc:"required"`
-	// Jumped: too far from the point before, and not confirmed by the next one.
+	// Jumped: too far from the previous point, and not confirmed by the next one.
 	Jumped int64 `msgpack:"jumped" mc:"required"`
-	// Refused: not finite, not of the program's axes, or a pose that the tool cannot be led to.
+	// Refused: not finite, not of the program's axes, or a pose that the tool cannot reach.
 	Refused int64 `msgpack:"refused" mc:"required"`
 	// Clipped: of those taken, beyond an axis's travel.
 	Clipped int64 `msgpack:"clipped" mc:"required"`
-	// Slowed: of those taken, faster for a tool than its axes go.
+	// Slowed: of those taken, faster than a tool's axes can go.
 	Slowed int64 `msgpack:"slowed" mc:"required"`
 	// IntervalS: between messages, by the sender's clock.
 	IntervalS float64 `msgpack:"interval_s" mc:"required"`
@@ -1735,7 +1734,7 @@ type ServoStatus struct {
 	AgeS float64 `msgpack:"age_s" mc:"required"`
 }
 
-// SetInputRequest: Sets a simulated input by its name, as `SetOutputRequest`; its script ends.
+// SetInputRequest: Sets a simulated input by its name, like `SetOutputRequest`; its script ends.
 type SetInputRequest struct {
 	Input string  `msgpack:"input" mc:"required"`
 	Value float64 `msgpack:"value" mc:"required"`
@@ -1753,17 +1752,17 @@ type SetReply struct {
 	Value float64 `msgpack:"value" mc:"required"`
 }
 
-// SetTableRowRequest: Names a row of the tables, or says how long a tool may cut; what is nil stays.
+// SetTableRowRequest: Names a row of the tables, or sets how long a tool may cut; what is nil stays.
 type SetTableRowRequest struct {
 	// Row: `G54` to `G59.3`, or `T3`.
 	Row string `msgpack:"row" mc:"required"`
-	// Name: for people; empty takes it away.
+	// Name: for people; empty removes it.
 	Name string `msgpack:"name"`
-	// LifeMin: for how long the tool may cut; 0: there is no limit.
+	// LifeMin: how long the tool may cut; 0: no limit.
 	LifeMin *float64 `msgpack:"life_min"`
-	// UsedMin: for how long it has cut, 0 when a new one is fitted.
+	// UsedMin: how long it has cut, 0 when a new one is fitted.
 	UsedMin *float64 `msgpack:"used_min"`
-	// By: the person, where a client serves several.
+	// By: the person, if a client serves several.
 	By string `msgpack:"by"`
 }
 
@@ -1783,11 +1782,11 @@ type SimulateReply struct {
 	Inputs map[string]float64 `msgpack:"inputs"`
 	// Outputs: their values at the end, by name.
 	Outputs map[string]float64 `msgpack:"outputs"`
-	// Path: where it was asked for.
+	// Path: if it was requested.
 	Path *SimulatedPath `msgpack:"path"`
 	// Clearance: of a machine that names bodies.
 	Clearance *ClearanceReport `msgpack:"clearance"`
-	// Assertions: what those of the request come to, in their order.
+	// Assertions: results of those of the request, in their order.
 	Assertions []Judged `msgpack:"assertions"`
 	// Difference: to the motion of `against`.
 	Difference *Difference `msgpack:"difference"`
@@ -1796,9 +1795,9 @@ type SimulateReply struct {
 // SimulateRequest: Runs a program's text on a virtual clock and simulated drives.
 type SimulateRequest struct {
 	Text string `msgpack:"text" mc:"required"`
-	// Positions: start the axes there [mm, deg]; nil: where the machine file lets simulated drives start.
+	// Positions: start the axes there [mm, deg]; nil: where the machine file starts simulated drives.
 	Positions map[string]float64 `msgpack:"positions"`
-	// PathPoints: the reply's `path` has so many points at most; 0: no path.
+	// PathPoints: maximum number of points in the reply's `path`; 0: no path.
 	PathPoints int64 `msgpack:"path_points"`
 	// Lines: whether the reply has the times of every line.
 	Lines *bool `msgpack:"lines"`
@@ -1806,8 +1805,8 @@ type SimulateRequest struct {
 	Assertions []Assertion `msgpack:"assertions"`
 	// Against: another program's text, from the same start: the reply has the `difference` to its motion.
 	Against string `msgpack:"against"`
-	// Role: whose run it is to be: `agent`, one that a person approves, or `operator`, any other; zones of the
-	// other do not count. nil: all zones do.
+	// Role: whose run it is: `agent`, one that a person approves, or `operator`, any other; zones of the other role
+	// do not count. nil: all zones count.
 	Role *RunRole `msgpack:"role"`
 	// BlockDelete: as of `OpenRequest`.
 	BlockDelete *bool `msgpack:"block_delete"`
@@ -1815,7 +1814,7 @@ type SimulateRequest struct {
 	OptionalStop *bool `msgpack:"optional_stop"`
 }
 
-// SimulatedPath: Points at even distances along the axes' travel.
+// SimulatedPath: Points at equal distances along the axes' travel.
 type SimulatedPath struct {
 	// Lines: the program's line at each point.
 	Lines []int64 `msgpack:"lines" mc:"required"`
@@ -1826,12 +1825,12 @@ type SimulatedPath struct {
 // StatusRequest: The whole machine's state now: a `MachineStatus`.
 type StatusRequest struct{}
 
-// StepRequest: The next line of a program in single line mode.
+// StepRequest: Starts the next line of a program in single-line mode.
 type StepRequest struct {
 	Program string `msgpack:"program" mc:"required"`
 }
 
-// SubmitReply: Cumulative: lines through `accepted` are taken, through `done` have ended; `credit` more fit.
+// SubmitReply: Cumulative: lines through `accepted` are accepted, through `done` have ended; `credit` more fit.
 // `rejections`: how many the program has had.
 type SubmitReply struct {
 	Program    string `msgpack:"program" mc:"required"`
@@ -1842,8 +1841,8 @@ type SubmitReply struct {
 }
 
 // SubmitRequest: Lines `first`, `first + 1`, …; without `judge` the reply does not wait for the verdict.
-// `rejections`: how many the client has heard of; lines of before a rejection are refused. nil: not said, they are
-// taken for lines of now.
+// `rejections`: how many the client knows of; lines from before a rejection are refused. nil: unknown, the lines
+// are taken as current.
 type SubmitRequest struct {
 	Program    string   `msgpack:"program" mc:"required"`
 	First      int64    `msgpack:"first" mc:"required"`
@@ -1888,11 +1887,11 @@ type TableChange struct {
 	Called string `msgpack:"called"`
 }
 
-// Tables: What programs start with, and who changed it.
+// Tables: The tables that programs start with, and who changed them.
 type Tables struct {
 	// Offsets: systems that were set; the others read zero at the machine's zero.
 	Offsets []WorkOffset `msgpack:"offsets" mc:"required"`
-	// ToolTable: whether the machine's programs have one: G43 and G10 L1 exist.
+	// ToolTable: whether the machine's programs have one, with G43 and G10 L1.
 	ToolTable bool `msgpack:"tool_table" mc:"required"`
 	// Tools: in the order of their numbers.
 	Tools []ToolRow `msgpack:"tools" mc:"required"`
@@ -1905,7 +1904,7 @@ type Tables struct {
 // TablesRequest: The tables that programs start with.
 type TablesRequest struct{}
 
-// TelemetryInfo: How to read `tele/batch`: its columns, its fields and how many cycles a message holds at most.
+// TelemetryInfo: How to read `tele/batch`: its columns, its fields and the maximum of cycles in a message.
 type TelemetryInfo struct {
 	Axes           []int64  `msgpack:"axes" mc:"required"`
 	Fields         []string `msgpack:"fields" mc:"required"`
@@ -1948,34 +1947,34 @@ type ToolInfo struct {
 	Axes        []int64 `msgpack:"axes" mc:"required"`
 	Orientation bool    `msgpack:"orientation" mc:"required"`
 	Euler       string  `msgpack:"euler" mc:"required"`
-	// Work: the frame in which its poses are; empty: the base.
+	// Work: the frame of its poses; empty: the base.
 	Work string `msgpack:"work"`
 }
 
 // ToolJogReply: The jog's program, for `abort` and for keeping it alive.
 type ToolJogReply struct {
 	Program string `msgpack:"program" mc:"required"`
-	// Obstacle: which joint ends the way, and why, for people; empty: nothing within the tool's reach, or the jog
-	// was kept alive.
+	// Obstacle: which joint ends the motion, and why, for people; empty: nothing within the tool's reach, or the
+	// jog was kept alive.
 	Obstacle string `msgpack:"obstacle"`
 }
 
-// ToolJogRequest: Moves a tool's tip straight on, by all its joints, until it is stopped or cannot go on.
+// ToolJogRequest: Moves a tool's tip in a straight line, by all its joints, until it is stopped or cannot continue.
 type ToolJogRequest struct {
 	// Tool: number of the machine file.
 	Tool int64 `msgpack:"tool" mc:"required"`
-	// Word: X Y Z to go along that axis of `frame`, A B C to turn about it with the tip at rest.
+	// Word: X Y Z to move along that axis of `frame`, A B C to turn about it with the tip at rest.
 	Word ToolDirection `msgpack:"word" mc:"required"`
-	// Velocity: of the tip [mm/s], of a turn [deg/s], signed. Near a singular position, and where a joint has less,
-	// it goes slower.
+	// Velocity: of the tip [mm/s], of a turn [deg/s], signed. Near a singular position, and where a joint's limit
+	// is lower, it is slower.
 	Velocity float64 `msgpack:"velocity" mc:"required"`
 	// Frame: the base, or the tool itself.
 	Frame *ToolFrame `msgpack:"frame"`
-	// HoldS: dead man's time, as of `jog` (default 0.5 s).
+	// HoldS: dead-man timeout, as in `jog` (default 0.5 s).
 	HoldS *float64 `msgpack:"hold_s"`
-	// Program: id of the jog under way that this request keeps alive.
+	// Program: id of the running jog that this request keeps alive.
 	Program string `msgpack:"program"`
-	// By: the person, where a client serves several.
+	// By: the person, if a client serves several.
 	By string `msgpack:"by"`
 }
 
@@ -1997,12 +1996,12 @@ type ToolRow struct {
 	Number   int64   `msgpack:"number" mc:"required"`
 	Length   float64 `msgpack:"length" mc:"required"`
 	Diameter float64 `msgpack:"diameter" mc:"required"`
-	// Changed: by G10 L1, not as the machine file has it.
+	// Changed: by G10 L1, so that it differs from the machine file.
 	Changed bool   `msgpack:"changed"`
 	Name    string `msgpack:"name"`
-	// LifeMin: for how long it may cut; 0: nobody has said.
+	// LifeMin: how long it may cut; 0: not set.
 	LifeMin float64 `msgpack:"life_min"`
-	// UsedMin: it has cut, counted in G01 to G03 while its spindle turns.
+	// UsedMin: how long it has cut, counted in G01 to G03 while its spindle turns.
 	UsedMin float64 `msgpack:"used_min"`
 }
 
@@ -2052,7 +2051,7 @@ type Diagnostic struct {
 	Edit       *Edit    `msgpack:"edit"`
 }
 
-// WithdrawRequest: Takes a request back; only the user who asked may.
+// WithdrawRequest: Withdraws a request; only the user who made it may.
 type WithdrawRequest struct {
 	// Sha256: of the text, or at least its first 8 digits.
 	Sha256 string `msgpack:"sha256" mc:"required"`
@@ -2062,10 +2061,10 @@ type WithdrawRequest struct {
 type WorkOffset struct {
 	// System: such as `G54`.
 	System string `msgpack:"system" mc:"required"`
-	// Origin: where the axes read zero, by number [mm, deg]; an axis that is left out reads as the machine does.
+	// Origin: where the axes read zero, by number [mm, deg]; an axis that is omitted reads as the machine does.
 	Origin map[string]float64 `msgpack:"origin" mc:"required"`
-	// Rotation: by which X and Y are turned about Z there, counter-clockwise (G10 L2 R) [deg]: an axis alone does
-	// not tell what they read then.
+	// Rotation: angle by which X and Y are turned about Z, counter-clockwise (G10 L2 R) [deg]: a single axis does
+	// not determine what they read then.
 	Rotation float64 `msgpack:"rotation"`
 }
 
@@ -2079,15 +2078,15 @@ type WriteMachineFileReply struct {
 	Diagnostics []Diagnostic `msgpack:"diagnostics" mc:"required"`
 }
 
-// WriteMachineFileRequest: Checks a text as `mcserver machine check` does, and writes it where it has no error. The
-// server goes on by the old one until it is restarted.
+// WriteMachineFileRequest: Checks a text as `mcserver machine check` does, and writes it if it has no error. The
+// server continues with the old one until it is restarted.
 type WriteMachineFileRequest struct {
 	// Text: all of the new file.
 	Text string `msgpack:"text" mc:"required"`
-	// Sha256: of the text that was changed, as `machine_file` gave it.
+	// Sha256: of the text that was edited, as `machine_file` returned it.
 	Sha256 string `msgpack:"sha256" mc:"required"`
 	// OnlyCheck: nothing is written.
 	OnlyCheck bool `msgpack:"only_check"`
-	// By: the person, where a client serves several.
+	// By: the person, if a client serves several.
 	By string `msgpack:"by"`
 }

@@ -28,13 +28,13 @@ ProgramText = Annotated[str, Meta(max_length=MAX_TEXT)]
 
 
 class RunRequestRequest(Request, frozen=True, kw_only=True):
-    """Asks for a run of a text. It is checked and simulated, and moves nothing.
+    """Requests a run of a text. It is checked and simulated, and moves nothing.
 
     Attributes:
         text: the program. name: for people.
-        axes: the only axes that it may move; None: those that the text names.
-        certificate: a file of ``mcserver certify`` for this very run, which arms it; None: a person has to.
-        block_delete, optional_stop: as of `OpenRequest`, and part of what is approved; a certificate has its
+        axes: the only axes that it may move; None: those named in the text.
+        certificate: a file of ``mcserver certify`` for exactly this run, which arms it; None: a person must.
+        block_delete, optional_stop: as in `OpenRequest`, and part of what is approved; a certificate has its
             own.
     """
 
@@ -47,10 +47,10 @@ class RunRequestRequest(Request, frozen=True, kw_only=True):
 
 
 class RunArmedRequest(Request, frozen=True, kw_only=True):
-    """Starts an armed program; the text is that of the request, to the last character.
+    """Starts an armed program; the text is exactly that of the request.
 
     Attributes:
-        grace_s: as of `OpenRequest`.
+        grace_s: as in `OpenRequest`.
     """
 
     text: ProgramText
@@ -58,15 +58,15 @@ class RunArmedRequest(Request, frozen=True, kw_only=True):
 
 
 class RunRequestsRequest(Request, frozen=True, kw_only=True):
-    """What waits for an operator, is armed, or was started lately."""
+    """Requests that wait for an operator, are armed, or were started recently."""
 
 
 class RunApprovalsRequest(Request, frozen=True, kw_only=True):
-    """Runs whose envelope was approved for a while (``standing_s``), each with ``remaining_s`` of it."""
+    """Runs whose envelope was approved for a time (``standing_s``), each with its ``remaining_s``."""
 
 
 class RunPreviewRequest(Request, frozen=True, kw_only=True):
-    """What an operator looks at before arming: the text and its simulated path.
+    """What an operator reviews before arming: the text and its simulated path.
 
     Attributes:
         sha256: of the text, or at least its first 8 digits.
@@ -82,11 +82,11 @@ class ArmRequest(Request, frozen=True, kw_only=True):
         sha256: of the text, or at least its first 8 digits.
         seconds: how long it may be started.
         override: the greatest feed override [%].
-        number: of the request that was looked at: one that was made anew since is not armed; None: any.
-        standing_s: for so long whatever else the same client asks for, and stays inside of the envelope of
-            this run, is armed as it is asked for; 0: only this run, once.
-        servo: as long it may stream targets, too, inside of the extents, speeds and duration of this run
-            (`servo_armed`); no simulation shows these beforehand.
+        number: of the request that was reviewed: one that was repeated since is not armed; None: any.
+        standing_s: for this time every other run that the same client requests, and that stays inside the
+            envelope of this run, is armed at its request; 0: only this run, once.
+        servo: for the same time it may also stream targets, inside the extents, speeds and duration of this
+            run (`servo_armed`); no simulation shows these beforehand.
     """
 
     sha256: TextHash
@@ -98,11 +98,10 @@ class ArmRequest(Request, frozen=True, kw_only=True):
 
 
 class RejectRequest(Request, frozen=True, kw_only=True):
-    """Says no to a run; who asked for it is shown the reason. An approval for a while that was given with it
-    ends.
+    """Rejects a run; its client is shown the reason. An approval for a time that was given with it ends.
 
     Attributes:
-        sha256: of the text, or at least its first 8 digits. number: as of `ArmRequest`.
+        sha256: of the text, or at least its first 8 digits. number: as in `ArmRequest`.
     """
 
     sha256: TextHash
@@ -111,7 +110,7 @@ class RejectRequest(Request, frozen=True, kw_only=True):
 
 
 class WithdrawRequest(Request, frozen=True, kw_only=True):
-    """Takes a request back; only the user who asked may.
+    """Withdraws a request; only the user who made it may.
 
     Attributes:
         sha256: of the text, or at least its first 8 digits.
@@ -124,15 +123,15 @@ class RunRequestStatus(msgspec.Struct, frozen=True):
     """A request: what would move, how far, how long; ``remaining_s`` until it or its arming is over.
 
     Attributes:
-        effects: what the run leaves changed for those that come after it, a sentence each.
-        tools: extents of the tools' tips. digest: SHA-256 of all that the simulation read.
-        changed: what of that is no longer as it was, a sentence each; while there is any it cannot start.
+        effects: what the run leaves changed for later runs, a sentence each.
+        tools: extents of the tools' tips. digest: SHA-256 of everything that the simulation read.
+        changed: which of this has changed since, a sentence each; if there is any it cannot start.
         operator: who armed or rejected it. reason: why it was rejected.
-        number: another one each time that the run is asked for, even with the same text.
-        approval: hash of the approval for a while that has armed it, inside of whose envelope it stays.
-        beyond: what of it is outside of the one that its client has, a sentence each.
-        servo: it is approved for a while, for streamed targets, too.
-        block_delete, optional_stop: what the run has of them, as of `OpenRequest`.
+        number: a new one each time that the run is requested, even with the same text.
+        approval: hash of the approval for a time that has armed it; the run stays inside its envelope.
+        beyond: what of the run is outside the envelope approved for its client, a sentence each.
+        servo: it is approved for a time, for streamed targets, too.
+        block_delete, optional_stop: those of the run, as in `OpenRequest`.
     """
 
     sha256: str
@@ -176,8 +175,8 @@ class RunPreviewReply(msgspec.Struct, frozen=True):
     """A request with its text and the path of its simulation.
 
     Attributes:
-        certifiable: what ``mcserver certify`` signs of it, as JSON: all that its simulation began from, and a
-            digest of its setpoints.
+        certifiable: what ``mcserver certify`` signs of it, as JSON: the initial state of its simulation, and
+            a digest of its setpoints.
         warnings: of its check and simulation, the first ones; unshown_warnings: how many more there were.
     """
 

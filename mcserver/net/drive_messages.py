@@ -35,7 +35,7 @@ class SdoReadRequest(Request, frozen=True, kw_only=True):
     Attributes:
         axis: whose drive; or ``node``, with ``bus`` where several buses have that number.
         index, subindex: of the object.
-        type: how the bytes are to be read; None: by the drive's EDS, or the standard's objects.
+        type: how to read the bytes; None: by the drive's EDS, or the standard's objects.
     """
 
     index: Annotated[int, Meta(ge=0, le=0xFFFF)]
@@ -53,7 +53,7 @@ class SdoWriteRequest(SdoReadRequest, frozen=True, kw_only=True):
 
 
 class DrivesScanRequest(Request, frozen=True, kw_only=True):
-    """Asks who is on a bus: every node number of CAN, every drive of EtherCAT; ``bus`` empty: on all."""
+    """Scans a bus: every node number of CAN, every drive of EtherCAT; ``bus`` empty: all buses."""
 
     bus: Annotated[str, Meta(max_length=200)] = ""
 
@@ -65,7 +65,7 @@ class DrivesScanReply(msgspec.Struct, frozen=True):
 
 
 class DrivesReply(msgspec.Struct, frozen=True):
-    """By axis; empty where no drive is on a bus."""
+    """By axis; empty if no drive is on a bus."""
 
     drives: list[DriveInfo]
 
@@ -77,7 +77,7 @@ class DriveParametersRequest(Request, frozen=True, kw_only=True):
 
 
 class DrivesHealthRequest(Request, frozen=True, kw_only=True):
-    """How the buses are; ``seconds``: for which they are listened to, all together."""
+    """Health of the buses; ``seconds``: how long to listen to them, all together."""
 
     seconds: Annotated[float, Meta(ge=0.1, le=10.0)] = 5.0
 
@@ -92,8 +92,8 @@ class DriveScopeRequest(Request, frozen=True, kw_only=True):
     """Every mapped object of an axis's drive in each cycle.
 
     Attributes:
-        seconds: that are kept. trigger: such as ``following error > 0.05``; empty: at once. level: fires also
-            where the level is met already. before_s: kept before the trigger; None: a quarter.
+        seconds: time kept. trigger: such as ``following error > 0.05``; empty: at once. level: fires also
+            if the level is already met. before_s: kept before the trigger; None: a quarter.
         timeout_s: how long the trigger may take.
     """
 
@@ -106,7 +106,7 @@ class DriveScopeRequest(Request, frozen=True, kw_only=True):
 
 
 class DriveTuneRequest(Request, frozen=True, kw_only=True):
-    """The gains of an axis in mode cst or csv, by the motion of a program; ``seconds``: looked at."""
+    """The gains of an axis in mode cst or csv, by the motion of a program; ``seconds``: time observed."""
 
     axis: AxisIndex
     seconds: Annotated[float, Meta(ge=0.5, le=60.0)] = 20.0

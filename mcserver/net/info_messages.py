@@ -14,9 +14,9 @@ ChannelKind = Literal["digital", "analog"]
 class AxisInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     """One axis; limits in mm or deg and seconds, None where not limited.
 
-    ``homing``: how it finds its reference; None: its encoder's reading is its position. ``letter``: a further
-    one by which programs of the machine's profile name it, such as ``E``; empty: none. ``spindle``: M3, M4,
-    M5 and S turn it.
+    ``homing``: how it finds its reference; None: its encoder's reading is its position. ``letter``: an
+    additional letter by which programs of the machine's profile name it, such as ``E``; empty: none.
+    ``spindle``: M3, M4, M5 and S turn it.
     """
 
     index: int
@@ -38,7 +38,7 @@ class ToolInfo(msgspec.Struct, frozen=True):
     """One tool of G01 … Tn.
 
     Attributes:
-        work: the frame in which its poses are; empty: the base.
+        work: the frame of its poses; empty: the base.
     """
 
     number: int
@@ -53,7 +53,7 @@ class InputInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     """One input.
 
     Attributes:
-        number: of its kind, as M66 names it. source: where a real one comes from; empty: it is simulated.
+        number: within its kind, as M66 names it. source: of a real input; empty: it is simulated.
         hold, stop: it can hold the programs, or stop the machine.
     """
 
@@ -70,8 +70,8 @@ class OutputInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     """One output.
 
     Attributes:
-        number: of its kind, as M62 to M68 name it. target: where a real one goes; empty: it is simulated.
-        min, max: least and greatest value. safe: its value once what has set it is lost; None: it stays.
+        number: within its kind, as M62 to M68 name it. target: of a real output; empty: it is simulated.
+        min, max: least and greatest value. safe: its value once its setter is lost; None: it stays.
     """
 
     name: str
@@ -99,8 +99,8 @@ class ButtonInfo(msgspec.Struct, frozen=True):
 
     Attributes:
         text: lines of G-code; ``{name}`` is the place of an argument.
-        role: the least that may press it, ``operator`` or ``engineer``.
-        confirm: what has to be confirmed before it runs; empty: nothing.
+        role: the lowest role that may press it, ``operator`` or ``engineer``.
+        confirm: what must be confirmed before it runs; empty: nothing.
         group: the heading under which pages show it.
     """
 
@@ -113,7 +113,7 @@ class ButtonInfo(msgspec.Struct, frozen=True):
 
 
 class TelemetryInfo(msgspec.Struct, frozen=True):
-    """How to read ``tele/batch``: its columns, its fields and how many cycles a message holds at most."""
+    """How to read ``tele/batch``: its columns, its fields and the maximum of cycles in a message."""
 
     axes: list[int]
     fields: list[str]
@@ -138,12 +138,12 @@ class Info(msgspec.Struct, frozen=True):
 
     Attributes:
         protocol: versions of this key space that the server speaks.
-        instance: one start of the server; another one means that programs before it were interrupted.
+        instance: one start of the server; a different one means that earlier programs were interrupted.
         epoch: Unix time of executor time 0, by the clock as it goes now [s].
-        buttons: programs of the machine file that operators start, numbers to be put into their places.
-        group, tags: what people find the machine by.
+        buttons: programs of the machine file that operators start, with places for numbers.
+        group, tags: by which people find the machine.
         camera: address of a still picture or of MJPEG; empty: none.
-        orders_from: instruments that may order, such as ``opcua``; others only show the machine.
+        orders_from: instruments that may command, such as ``opcua``; others only show the machine.
     """
 
     machine: str

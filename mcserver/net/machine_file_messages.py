@@ -19,7 +19,7 @@ class MachineFileRequest(Request, frozen=True, kw_only=True):
 class MachineFileReply(msgspec.Struct, frozen=True):
     """Attributes:
     name: of the file, without its folder. text: as it is on the disk now. sha256: of that text.
-    in_force: the server runs by this text; else it has changed since the start.
+    in_force: the server runs with this text; otherwise it has changed since the start.
     """
 
     name: str
@@ -29,13 +29,13 @@ class MachineFileReply(msgspec.Struct, frozen=True):
 
 
 class WriteMachineFileRequest(Request, frozen=True, kw_only=True):
-    """Checks a text as ``mcserver machine check`` does, and writes it where it has no error.
+    """Checks a text as ``mcserver machine check`` does, and writes it if it has no error.
 
-    The server goes on by the old one until it is restarted.
+    The server continues with the old one until it is restarted.
 
     Attributes:
-        text: all of the new file. sha256: of the text that was changed, as ``machine_file`` gave it.
-        only_check: nothing is written. by: the person, where a client serves several.
+        text: all of the new file. sha256: of the text that was edited, as ``machine_file`` returned it.
+        only_check: nothing is written. by: the person, if a client serves several.
     """
 
     text: Annotated[str, Meta(max_length=MAX_TEXT)]

@@ -1,13 +1,13 @@
 """Every payload of the key space, typed: MessagePack maps unless a docstring says array.
 
-What the service reports by itself (acknowledgements, states, events) is defined in
+What the service reports on its own (acknowledgements, states, events) is defined in
 `mcserver.service.reports` and named here too.
 
 The wire is defined here and in the files `*_messages.py` beside this one. `mcserver.net.schemas` publishes it
 as JSON Schema, and docs/keyspace.md and docs/wire explain it. Positions are in mm (linear axes) or deg
 (rotary axes), velocities in mm/s or deg/s, torques in N·m, times in seconds since the executor's start.
-Fields that are added later have a default, and a reader skips what it does not know: so both sides may be of
-different ages.
+Fields that are added later have a default, and a reader skips unknown fields, so the two sides may have
+different versions.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ class ErrorReply(msgspec.Struct, frozen=True, omit_defaults=True):
 
     Attributes:
         details: what the code's entry in docs/wire/errors.md lists, such as ``expected``.
-        diagnostics: faults of G-code, where the error is about lines.
+        diagnostics: faults of G-code, if the error concerns lines.
     """
 
     code: str
@@ -113,11 +113,11 @@ class ErrorReply(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Request(msgspec.Struct, frozen=True, kw_only=True):
-    """What every request may hold. Who asks stands in the key, not here.
+    """Fields of every request. The client is in the key, not here.
 
     Attributes:
-        request: number that the client gives to this request; the same number again gets the same answer
-            again. Needed by methods that change something.
+        request: number that the client gives to this request; repeating the number returns the same answer.
+            Required by methods that change something.
     """
 
     request: RequestId | None = None
@@ -129,20 +129,20 @@ class OpenRequest(Request, frozen=True, kw_only=True):
     Attributes:
         name: for people: a file's name.
         axes: the axes to lease; None: all of the machine.
-        on_disconnect: what happens when the client's liveliness token goes, or it calls ``leave``.
-        grace_s: how long the token may be away before that; whoever is back within it goes on.
+        on_disconnect: what happens when the client's liveliness token disappears, or it calls ``leave``.
+        grace_s: how long the token may be absent before that; a client that returns in this time continues.
         start_line: number of the first line that will run.
-        before: lines 1 … start_line - 1. They do not run; the axes go to where they end, energized, in the
-            modal state of there.
+        before: lines 1 … start_line - 1. They do not run; the axes move to where these lines end, energized,
+            in the modal state that they leave.
         resume_of: id of an earlier program; its journaled lines before ``start_line`` serve as ``before``.
-        step: single line mode: a line starts only when ``step`` asks for it.
-        block_delete: lines that begin with ``/`` are skipped, until the program ends; None: they are carried
-            out as if it were not there, but ``resume_of`` keeps what it had (D-98).
-        optional_stop: whether M01 pauses; None: it does, but ``resume_of`` keeps what it had.
+        step: single-line mode: a line starts only on a ``step`` call.
+        block_delete: lines that begin with ``/`` are skipped, until the program ends; None: they are
+            executed as if it were not there, but ``resume_of`` keeps its setting (D-98).
+        optional_stop: whether M01 pauses; None: it does, but ``resume_of`` keeps its setting.
         hold: begin held; ``resume`` starts it.
-        sha256: of the whole text; its times, of ``simulate`` or ``put_text``, are those of the program.
-        at_pause: run now, also on axes of a program that stands at a pause, such as to set zero with a new
-            tool; refused (MC512) where it would have to wait. Without it a program waits for the other's end.
+        sha256: of the whole text; its times, from ``simulate`` or ``put_text``, are used for the program.
+        at_pause: run now, also on axes of a program that is at a pause, such as to set zero with a new
+            tool; refused (MC512) if it would have to wait. Without it a program waits for the other's end.
         way, outputs: of a start in the middle, as in `ContinueRequest`.
     """
 
@@ -175,14 +175,14 @@ class OpenReply(msgspec.Struct, frozen=True):
 
 
 class LeaveRequest(Request, frozen=True, kw_only=True):
-    """The client goes for good: what it has open ends now as its ``on_disconnect`` says, without a grace."""
+    """The client leaves: its open programs end now as their ``on_disconnect`` says, without a grace time."""
 
 
 class SubmitRequest(Request, frozen=True, kw_only=True):
     """Lines ``first``, ``first + 1``, …; without ``judge`` the reply does not wait for the verdict.
 
-    ``rejections``: how many the client has heard of; lines of before a rejection are refused. None: not said,
-    they are taken for lines of now.
+    ``rejections``: how many the client knows of; lines from before a rejection are refused. None: unknown,
+    the lines are taken as current.
     """
 
     program: ProgramId
@@ -193,7 +193,7 @@ class SubmitRequest(Request, frozen=True, kw_only=True):
 
 
 class SubmitReply(msgspec.Struct, frozen=True):
-    """Cumulative: lines through ``accepted`` are taken, through ``done`` have ended; ``credit`` more fit.
+    """Cumulative: lines through ``accepted`` are accepted, through ``done`` have ended; ``credit`` more fit.
 
     ``rejections``: how many the program has had.
     """
@@ -208,7 +208,7 @@ class SubmitReply(msgspec.Struct, frozen=True):
 class StreamLines(msgspec.Struct, frozen=True, array_like=True):
     """Payload of ``in/{client}/{program}``, an array: ``[first line number, [lines], rejections]``.
 
-    ``rejections``: as in `SubmitRequest`; may be left out.
+    ``rejections``: as in `SubmitRequest`; may be omitted.
     """
 
     first: LineNumber
@@ -217,7 +217,7 @@ class StreamLines(msgspec.Struct, frozen=True, array_like=True):
 
 
 class CloseRequest(Request, frozen=True, kw_only=True):
-    """No more lines will come; what is there runs to its end.
+    """No more lines will come; the accepted lines run to their end.
 
     ``last``: the last line that was sent; the program is only closed if it has been accepted.
     """
@@ -233,13 +233,13 @@ class ProgramRequest(Request, frozen=True, kw_only=True):
 
 
 class StepRequest(Request, frozen=True, kw_only=True):
-    """The next line of a program in single line mode."""
+    """Starts the next line of a program in single-line mode."""
 
     program: ProgramId
 
 
 class OverrideRequest(Request, frozen=True, kw_only=True):
-    """Feed override of one program or of all, those to come included; 100 is as programmed."""
+    """Feed override of one program or of all, including future ones; 100 is as programmed."""
 
     percent: Annotated[float, Meta(ge=0.0, le=200.0)]
     program: ProgramId | None = None
@@ -249,13 +249,13 @@ class JogRequest(Request, frozen=True, kw_only=True):
     """Moves one axis by hand.
 
     Attributes:
-        distance: from where it is, signed [mm, deg]; None: on until stopped or the limit, sign of
+        distance: from where it is, signed [mm, deg]; None: until stopped or the limit, by the sign of
         ``velocity``. velocity: [mm/s, deg/s]; None: a tenth of the axis's limit.
-        hold_s: dead man's time: the axis stops unless the same jog is asked for again within it; None: no
-            such watch. A jog without distance always has one (default 0.5 s).
-        program: id of the jog under way that this request keeps alive.
-        by: the person, where a client serves several: steps of one person follow each other, those of another
-            one are refused (MC512) while the axis moves.
+        hold_s: dead-man timeout: the axis stops unless the same jog is requested again within it; None: no
+            timeout. A jog without distance always has one (default 0.5 s).
+        program: id of the running jog that this request keeps alive.
+        by: the person, if a client serves several: steps of one person follow each other, those of another
+            person are refused (MC512) while the axis moves.
     """
 
     axis: AxisIndex
@@ -267,15 +267,15 @@ class JogRequest(Request, frozen=True, kw_only=True):
 
 
 class ToolJogRequest(Request, frozen=True, kw_only=True):
-    """Moves a tool's tip straight on, by all its joints, until it is stopped or cannot go on.
+    """Moves a tool's tip in a straight line, by all its joints, until it is stopped or cannot continue.
 
     Attributes:
-        tool: number of the machine file. word: X Y Z to go along that axis of ``frame``, A B C to turn about
-            it with the tip at rest. frame: the base, or the tool itself.
-        velocity: of the tip [mm/s], of a turn [deg/s], signed. Near a singular position, and where a joint
-            has less, it goes slower.
-        hold_s: dead man's time, as of ``jog`` (default 0.5 s). program: id of the jog under way that this
-            request keeps alive. by: the person, where a client serves several.
+        tool: number of the machine file. word: X Y Z to move along that axis of ``frame``, A B C to turn
+            about it with the tip at rest. frame: the base, or the tool itself.
+        velocity: of the tip [mm/s], of a turn [deg/s], signed. Near a singular position, and where a joint's
+            limit is lower, it is slower.
+        hold_s: dead-man timeout, as in ``jog`` (default 0.5 s). program: id of the running jog that this
+            request keeps alive. by: the person, if a client serves several.
     """
 
     tool: int
@@ -294,13 +294,13 @@ class HomeRequest(Request, frozen=True, kw_only=True):
 
 
 class ReferenceRequest(Request, frozen=True, kw_only=True):
-    """Says where axes are, by number as text [mm, deg]; nothing moves."""
+    """Sets the positions of axes, by number as text [mm, deg]; nothing moves."""
 
     positions: dict[str, float]
 
 
 class ResetRequest(Request, frozen=True, kw_only=True):
-    """Clears a latched fault or emergency stop; axes stay without energy until captured (G1010)."""
+    """Clears a latched fault or emergency stop; axes stay de-energized until captured (G1010)."""
 
     axes: list[AxisIndex] | None = None
 
@@ -309,10 +309,10 @@ class EstopRequest(Request, frozen=True, kw_only=True):
     """Emergency stop by rpc, and payload of the key ``estop`` (where it may be empty).
 
     Attributes:
-        request: on the key ``estop``, a random number from 2^32 on that all copies of one stop have: copies
-            that come within 10 s stop nothing anew, even after a reset.
+        request: on the key ``estop``, a random number from 2^32 on that all copies of one stop share: copies
+            that come within 10 s do not stop anything again, even after a reset.
         reason: for people.
-        client: on the key ``estop``, who stops, as it says itself; a call has it in its key.
+        client: on the key ``estop``, who stops, by its own account; a call has it in its key.
     """
 
     reason: Annotated[str, Meta(max_length=200)] = ""
@@ -327,7 +327,7 @@ class SetOutputRequest(Request, frozen=True, kw_only=True):
 
 
 class SetInputRequest(Request, frozen=True, kw_only=True):
-    """Sets a simulated input by its name, as `SetOutputRequest`; its script ends."""
+    """Sets a simulated input by its name, like `SetOutputRequest`; its script ends."""
 
     input: ChannelName
     value: bool | float
@@ -337,7 +337,7 @@ class CheckRequest(Request, frozen=True, kw_only=True):
     """Every fault of a program's text; nothing runs.
 
     Attributes:
-        text: the whole of it; or sha256: of one that was handed over by ``put_text``.
+        text: the whole text; or sha256: of one that was uploaded by ``put_text``.
         positions: start the axes there [mm, deg].
         block_delete, optional_stop: as of `OpenRequest`.
     """
@@ -353,13 +353,13 @@ class SimulateRequest(Request, frozen=True, kw_only=True):
     """Runs a program's text on a virtual clock and simulated drives.
 
     Attributes:
-        positions: start the axes there [mm, deg]; None: where the machine file lets simulated drives start.
-        path_points: the reply's `path` has so many points at most; 0: no path.
+        positions: start the axes there [mm, deg]; None: where the machine file starts simulated drives.
+        path_points: maximum number of points in the reply's `path`; 0: no path.
         lines: whether the reply has the times of every line.
         assertions: are judged on every setpoint; one that does not hold is a fault (MC330).
         against: another program's text, from the same start: the reply has the `difference` to its motion.
-        role: whose run it is to be: `agent`, one that a person approves, or `operator`, any other; zones of
-            the other do not count. None: all zones do.
+        role: whose run it is: `agent`, one that a person approves, or `operator`, any other; zones of
+            the other role do not count. None: all zones count.
         block_delete, optional_stop: as of `OpenRequest`.
     """
 
@@ -395,7 +395,7 @@ class ProgramsRequest(Request, frozen=True, kw_only=True):
 
 
 class EventsRequest(Request, frozen=True, kw_only=True):
-    """Events that the server still has, from number ``since`` on, oldest first."""
+    """Events that the server still holds, from number ``since`` on, oldest first."""
 
     since: Annotated[int, Meta(ge=0)] = 0
     limit: Annotated[int, Meta(ge=1, le=1000)] = 500
@@ -405,7 +405,7 @@ class EventsRequest(Request, frozen=True, kw_only=True):
 
 
 class Done(msgspec.Struct, frozen=True):
-    """Reply of methods that only do something: the programs concerned."""
+    """Reply of methods that return no data: the programs concerned."""
 
     programs: list[str]
 
@@ -443,7 +443,7 @@ class ToolJogReply(msgspec.Struct, frozen=True):
     """The jog's program, for ``abort`` and for keeping it alive.
 
     Attributes:
-        obstacle: which joint ends the way, and why, for people; empty: nothing within the tool's reach, or
+        obstacle: which joint ends the motion, and why, for people; empty: nothing within the tool's reach, or
             the jog was kept alive.
     """
 
@@ -490,7 +490,7 @@ class TelemetryBlock(msgspec.Struct, frozen=True, array_like=True):
 
 
 class EventsReply(msgspec.Struct, frozen=True):
-    """``oldest`` is the first number that the server still has; ``newest`` the last one published."""
+    """``oldest`` is the first number that the server still holds; ``newest`` the last one published."""
 
     instance: str
     oldest: int

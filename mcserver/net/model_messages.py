@@ -17,7 +17,7 @@ class ModelRequest(Request, frozen=True, kw_only=True):
 
 
 class MeshInfo(msgspec.Struct, frozen=True):
-    """A mesh that the URDF names: ``name`` as it stands there; ``size`` in bytes, 0: it is not to be had."""
+    """A mesh that the URDF names: ``name`` as written there; ``size`` in bytes, 0: it is not available."""
 
     name: str
     size: int
@@ -28,14 +28,14 @@ class ModelBody(msgspec.Struct, frozen=True):
 
     Attributes:
         shape: ``box`` (of a zone too), ``cylinder``, ``capsule``, ``sphere``, ``mesh`` or ``cutter``.
-        size_mm: edges of a box, radius and length of what is round.
-        mesh: its place in `ModelReply.meshes`; the file is in mm.
-        at_mm, turned_deg: in the frame of what carries it, Rz(C)·Ry(B)·Rx(A).
-        link: of the URDF that carries it. carried_by: axes that do instead; directions: of them, 0 to 2 for X
-            to Z. opposite: against their sense. Neither: it stands.
-        tool: that it comes with; None: it is always there.
-        zone: ``keep_out``, ``keep_in`` or ``slow``; empty: a body. input: name of what switches it on; empty:
-            it is always on. high: the input's level then.
+        size_mm: edges of a box, radius and length of a round shape.
+        mesh: its index in `ModelReply.meshes`; the file is in mm.
+        at_mm, turned_deg: in the frame of its carrier, Rz(C)·Ry(B)·Rx(A).
+        link: of the URDF that carries it. carried_by: axes that carry it instead; directions: of these, 0 to
+            2 for X to Z. opposite: in their negative direction. Neither: it is fixed.
+        tool: with which it is mounted; None: it is always there.
+        zone: ``keep_out``, ``keep_in`` or ``slow``; empty: a body. input: name of the input that switches it
+            on; empty: it is always on. high: the input's level then.
     """
 
     name: str
@@ -60,7 +60,7 @@ class ModelReply(msgspec.Struct, frozen=True):
     Attributes:
         urdf: its text; empty: the machine has none. digest: of the text and the meshes.
         joints: the joint that each axis moves, by axis number.
-        meshes: of the visuals, and behind them those of bodies, in the order of `ModelMeshRequest.mesh`.
+        meshes: of the visuals, followed by those of bodies, in the order of `ModelMeshRequest.mesh`.
     """
 
     urdf: str

@@ -21,7 +21,7 @@ class RecordStartRequest(Request, frozen=True, kw_only=True):
 
     Attributes:
         name: of the recording; empty: the time.
-        max_s: when it ends by itself; None: when it is stopped.
+        max_s: when it ends by itself; None: only when it is stopped.
     """
 
     name: RecordingName = ""
@@ -29,13 +29,13 @@ class RecordStartRequest(Request, frozen=True, kw_only=True):
 
 
 class RecordStopRequest(Request, frozen=True, kw_only=True):
-    """Ends a recording; without a name the only one. The reply comes once the file is whole."""
+    """Ends a recording; without a name the only one. The reply comes once the file is complete."""
 
     name: RecordingName = ""
 
 
 class RecordSaveRequest(Request, frozen=True, kw_only=True):
-    """Writes out the black box, the last minutes. ``reason`` stands in the file and in its name."""
+    """Saves the black box, the last minutes. ``reason`` is in the file and in its name."""
 
     reason: Annotated[str, Meta(max_length=40)] = "asked"
 
@@ -47,11 +47,11 @@ class RecordReply(msgspec.Struct, frozen=True):
 
 
 class RecordingsRequest(Request, frozen=True, kw_only=True):
-    """The recordings that are there."""
+    """Lists the recordings."""
 
 
 class RecordingsReply(msgspec.Struct, frozen=True):
-    """The newest first; ``recorder`` None: it does not run. ``folder``: on the server's disk."""
+    """The newest first; ``recorder`` None: it is not running. ``folder``: on the server's disk."""
 
     recordings: list[RecordingInfo]
     recorder: RecorderStatus | None
@@ -59,7 +59,7 @@ class RecordingsReply(msgspec.Struct, frozen=True):
 
 
 class RecordingReadRequest(Request, frozen=True, kw_only=True):
-    """Part of a recording's file, for taking it over piece by piece; answered with a `RecordingPart`."""
+    """Part of a recording's file, for a download in parts; answered with a `RecordingPart`."""
 
     name: RecordingName
     offset: Annotated[int, Meta(ge=0)] = 0

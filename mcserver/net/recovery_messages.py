@@ -1,4 +1,4 @@
-"""Payloads about going on in the middle of a program, as `mcserver.net.messages`."""
+"""Payloads about continuing in the middle of a program, as `mcserver.net.messages`."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ class ContinuationRequest(Request, frozen=True, kw_only=True):
     """What a start in the middle of a program would do; nothing moves.
 
     Attributes:
-        program: one that has ended; where others have gone on with it, the last of these is meant.
-        line: the first that would run; None: the one behind the last that is done.
+        program: one that has ended; if others have continued it, the last of these is meant.
+        line: the first that would run; None: the one after the last that is done.
         before: lines 1 … line - 1 of a text, instead of ``program``. axes: of it; None: all of the machine.
-        block_delete, optional_stop: of the text, as of `OpenRequest`; a program keeps what it had.
+        block_delete, optional_stop: of the text, as in `OpenRequest`; a program keeps its settings.
     """
 
     program: ProgramId | None = None
@@ -32,19 +32,19 @@ class ContinuationRequest(Request, frozen=True, kw_only=True):
 
 
 class Continuation(msgspec.Struct, frozen=True):
-    """How a program would go on.
+    """How a program would continue.
 
     Attributes:
         program: its id, empty for a text. name, state, done, accepted: as it ended; lines through ``done``
             are certain.
-        whole: its text is known to its end, so that nothing has to be sent. sha256: of its whole text.
-        line: the first that would run. first, lines: of the text about that line.
+        whole: its text is known to its end, so nothing must be sent. sha256: of its whole text.
+        line: the first that would run. first, lines: of the text around that line.
         modal: codes in force there.
         energize: axes that are energized first. axes: where each is, and where the program has it there.
         way: the moves that bring them there, in order.
-        switched: what the program had switched otherwise than it is now.
-        needs: what stands in the way; one that has `confirm` passes with that field of the request.
-        block_delete, optional_stop: what it goes on with.
+        switched: what the program had switched differently from now.
+        needs: what prevents it; one that has `confirm` is met by that field of the request.
+        block_delete, optional_stop: the settings that it continues with.
     """
 
     program: str
@@ -68,13 +68,13 @@ class Continuation(msgspec.Struct, frozen=True):
 
 
 class ContinueRequest(Request, frozen=True, kw_only=True):
-    """Goes on with a program that has ended.
+    """Continues a program that has ended.
 
     Attributes:
         program, line: as in `ContinuationRequest`.
-        way: axes may go the way that `continuation` shows, where the machine file names no safe one.
-        outputs: set what the program had switched, or leave it as it is; None: nothing was said.
-        on_disconnect, grace_s: as of `OpenRequest`. hold: begin held.
+        way: axes may move as `continuation` shows, if the machine file names no safe way.
+        outputs: set what the program had switched, or leave it as it is; None: not specified.
+        on_disconnect, grace_s: as in `OpenRequest`. hold: begin held.
     """
 
     program: ProgramId
@@ -87,11 +87,11 @@ class ContinueRequest(Request, frozen=True, kw_only=True):
 
 
 class ContinueReply(msgspec.Struct, frozen=True):
-    """The program that goes on, as `OpenReply`.
+    """The program that continues, like `OpenReply`.
 
     Attributes:
-        line: the first that runs. resume_of: the program that it goes on with.
-        whole: all of its lines are there; else the client sends those from ``expected`` on.
+        line: the first that runs. resume_of: the program that it continues.
+        whole: the server has all of its lines; otherwise the client sends those from ``expected`` on.
     """
 
     program: str

@@ -21,10 +21,10 @@ class ServoRequest(Request, frozen=True, kw_only=True):
     Attributes:
         axes: the axes to lease, all free now; None: all of the machine.
         name: for people.
-        low: by axis number as text the least position that targets lead to [mm or deg]; with ``high`` or not
-            at all. A machine with bodies or zones needs both: where these would not stay clear everywhere
+        low: lowest position that targets may command, by axis number as text [mm or deg]; only together with
+            ``high``. A machine with bodies or zones needs both: if these would not stay clear everywhere
             between, the program ends as faulted and nothing moves.
-        high: by axis number as text the greatest position that targets lead to [mm or deg].
+        high: highest position that targets may command, by axis number as text [mm or deg].
     """
 
     axes: list[AxisIndex] | None = None
@@ -34,7 +34,7 @@ class ServoRequest(Request, frozen=True, kw_only=True):
 
 
 class ServoReply(msgspec.Struct, frozen=True):
-    """The program that follows targets, put as `StreamTargets` on ``in/{client}/{program}``; its axes in
+    """The program that follows targets, sent as `StreamTargets` on ``in/{client}/{program}``; its axes in
     order."""
 
     program: str
@@ -46,15 +46,15 @@ class StreamTargets(msgspec.Struct, frozen=True, array_like=True):
     velocities, times, tool, frame]``.
 
     Attributes:
-        seq: grows by one with each message.
-        sent: when it was sent, by any clock of the sender's that does not step [s].
-        counts_s: how long it counts; without a newer one by then the axes stop and the program ends.
+        seq: increases by one with each message.
+        sent: when it was sent, by any clock of the sender that does not step [s].
+        counts_s: how long it is valid; without a newer one by then the axes stop and the program ends.
         positions, velocities: one row for each point, one number for each of the program's axes [mm, deg, per
-            s]; at least one of the two. Of a tool they are poses and twists: X Y Z [mm] and, where it has
+            s]; at least one of the two. For a tool they are poses and twists: X Y Z [mm] and, if it has
             orientation, A B C in its order [deg]; velocities along and about the axes of ``frame``.
         times: of the points after ``sent``, ascending [s]; None: one point, for now.
         tool: its number; None: positions and velocities are those of axes.
-        frame: ``base`` or ``tool``: whose axes the velocities of a tool are along; poses are in the base's.
+        frame: ``base`` or ``tool``: frame of the velocities of a tool; poses are in the base's frame.
     """
 
     seq: Annotated[int, Meta(ge=1, le=2**53)]

@@ -19,13 +19,13 @@ Minutes = Annotated[float, Meta(ge=0.0, le=1e6)]
 
 
 class SetTableRowRequest(Request, frozen=True, kw_only=True):
-    """Names a row of the tables, or says how long a tool may cut; what is nil stays.
+    """Names a row of the tables, or sets how long a tool may cut; what is nil stays.
 
     Attributes:
-        row: ``G54`` to ``G59.3``, or ``T3``. name: for people; empty takes it away.
-        life_min: for how long the tool may cut; 0: there is no limit.
-        used_min: for how long it has cut, 0 when a new one is fitted.
-        by: the person, where a client serves several.
+        row: ``G54`` to ``G59.3``, or ``T3``. name: for people; empty removes it.
+        life_min: how long the tool may cut; 0: no limit.
+        used_min: how long it has cut, 0 when a new one is fitted.
+        by: the person, if a client serves several.
     """
 
     row: Annotated[str, Meta(max_length=10)]
@@ -39,8 +39,8 @@ class ToolRow(msgspec.Struct, frozen=True):
     """A line of the tool table [mm], for G43.
 
     Attributes:
-        changed: by G10 L1, not as the machine file has it.
-        life_min: for how long it may cut; 0: nobody has said. used_min: it has cut, counted in G01 to G03
+        changed: by G10 L1, so that it differs from the machine file.
+        life_min: how long it may cut; 0: not set. used_min: how long it has cut, counted in G01 to G03
             while its spindle turns.
     """
 
@@ -54,12 +54,12 @@ class ToolRow(msgspec.Struct, frozen=True):
 
 
 class Tables(msgspec.Struct, frozen=True):
-    """What programs start with, and who changed it.
+    """The tables that programs start with, and who changed them.
 
     Attributes:
         offsets: systems that were set; the others read zero at the machine's zero.
         names: of systems, by system.
-        tool_table: whether the machine's programs have one: G43 and G10 L1 exist.
+        tool_table: whether the machine's programs have one, with G43 and G10 L1.
         tools: in the order of their numbers.
         changes: the newest first.
     """

@@ -1,4 +1,4 @@
-"""Messages about whole texts: handed over by parts, and as they were simulated."""
+"""Messages about whole texts: uploaded in parts, and as they were simulated."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class PutTextRequest(Request, frozen=True, kw_only=True):
 
     Attributes:
         sha256: of the whole text in UTF-8. size: of the whole text [bytes].
-        offset: where the part begins [bytes]. part: its bytes; characters may be cut.
+        offset: where the part begins [bytes]. part: its bytes; characters may be split.
     """
 
     sha256: Sha256
@@ -31,10 +31,10 @@ class PutTextRequest(Request, frozen=True, kw_only=True):
 
 
 class PutTextReply(msgspec.Struct, frozen=True):
-    """How much of the text is there: the next part begins at ``received``.
+    """How much of the text has arrived: the next part begins at ``received``.
 
     Attributes:
-        received: of the text [bytes]. lines: in what is there. complete: all of it is.
+        received: of the text [bytes]. lines: in this part of it. complete: all of it has arrived.
     """
 
     received: int
@@ -59,7 +59,7 @@ class TipPath(msgspec.Struct, frozen=True):
 
 
 class SimulatedPath(msgspec.Struct, frozen=True):
-    """Points at even distances along the axes' travel.
+    """Points at equal distances along the axes' travel.
 
     Attributes:
         lines: the program's line at each point. tips: the points of each tool.
@@ -82,7 +82,7 @@ class ClearanceReport(msgspec.Struct, frozen=True):
     """The least distances of a run's bodies.
 
     Attributes:
-        least_mm: None where all stayed more than 50 mm above the margin apart. pairs: that came nearer, the
+        least_mm: None if all stayed apart by more than the margin plus 50 mm. pairs: that came nearer, the
             nearest first, 20 at most.
         assumed_on: zones that an input switches, which count as on.
     """
@@ -99,8 +99,8 @@ class SimulateReply(msgspec.Struct, frozen=True, omit_defaults=True):
     Attributes:
         lines: those that took time, by start. axes: by number as text.
         inputs, outputs: their values at the end, by name. work_offsets: of the systems used or set.
-        path: where it was asked for. clearance: of a machine that names bodies.
-        assertions: what those of the request come to, in their order. difference: to the motion of `against`.
+        path: if it was requested. clearance: of a machine that names bodies.
+        assertions: results of those of the request, in their order. difference: to the motion of `against`.
     """
 
     ok: bool

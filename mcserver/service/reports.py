@@ -1,4 +1,4 @@
-"""What the service tells: acknowledgements, states, line reports and events.
+"""What the service reports: acknowledgements, states, line reports and events.
 
 These are wire types too (`mcserver.net.messages` publishes them): MessagePack maps. Positions are in mm
 (linear axes) or deg (rotary axes), velocities in mm/s or deg/s, torques in N·m, times in seconds since the
@@ -74,7 +74,7 @@ def wire_diagnostic(diagnostic: Diagnostic) -> WireDiagnostic:
 
 
 class Fault(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What stopped motion: a stable code, the axis and the line where they apply."""
+    """What stopped motion: a stable code, and the axis and line if they apply."""
 
     code: str
     message: str
@@ -86,21 +86,21 @@ class Fault(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Ack(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Payload of ``ack/{program}``: cumulative, so that a lost one does not matter.
+    """Payload of ``ack/{program}``: cumulative, so a lost one does not matter.
 
     Attributes:
-        accepted: lines through this number are taken and journaled.
-        done: this line and every one before it have ended: their setpoints have been passed, and behind an
-            exact stop the axes are in position. Between exact stops an axis may be behind by its following
-            error, at most ``max_following_error``: to ask for more would make a stop of each line.
+        accepted: lines through this number are accepted and journaled.
+        done: this line and every one before it have ended: their setpoints have been passed, and after an
+            exact stop the axes are in position. Between exact stops an axis may lag by its following
+            error, at most ``max_following_error``: a stricter condition would make each line a stop.
         credit: how many lines after ``accepted`` fit now.
         state: the program's.
         rejected: number of the line that was found faulty; it is the next one expected. 0: none.
         diagnostics: what is wrong with it.
         fault: what stopped the program.
-        expected: set where the message acknowledged held a gap: the number that is expected.
+        expected: the line number expected, set if the acknowledged message left a gap.
         rejections: how many lines of the program have been rejected so far. An acknowledgement with a smaller
-            count than one before is older: its numbers are of lines that are given up.
+            count than an earlier one is older: its numbers are of lines that were discarded.
         reason: why it was aborted: by whom, or a code; empty in programs of an earlier start of the server.
     """
 
@@ -121,11 +121,11 @@ class ServoStatus(msgspec.Struct, frozen=True):
     """The targets of a program in servo mode, counted since it was opened.
 
     Attributes:
-        taken: messages that count. lost: numbers that never came, or came behind later ones.
-        late: came later than they count for. doubled, reordered: of the newest number, or a lower one.
-        jumped: too far from the point before, and not confirmed by the next one.
-        refused: not finite, not of the program's axes, or a pose that the tool cannot be led to. clipped: of
-            those taken, beyond an axis's travel. slowed: of those taken, faster for a tool than its axes go.
+        taken: messages accepted. lost: numbers that never came, or came after later ones.
+        late: came after their validity. doubled, reordered: repeated the newest number, or had a lower one.
+        jumped: too far from the previous point, and not confirmed by the next one.
+        refused: not finite, not of the program's axes, or a pose that the tool cannot reach. clipped: of
+            those taken, beyond an axis's travel. slowed: of those taken, faster than a tool's axes can go.
         interval_s: between messages, by the sender's clock. age_s: of the newest one, beyond the quickest.
     """
 
@@ -146,22 +146,22 @@ class ProgramStatus(msgspec.Struct, frozen=True, omit_defaults=True):
     """One program.
 
     Attributes:
-        line: the line under way, at a pause the one that asks for it; 0: none yet.
-        progress: share of its time that has passed, 0 … 1; where `duration_s` is not known, of its lines.
-        eta_s: until its end at its override [s]; where `duration_s` is not known, until the end of what is
+        line: the line being run, at a pause the one that asks for it; 0: none yet.
+        progress: share of its time that has passed, 0 … 1; if `duration_s` is unknown, of its lines.
+        eta_s: until its end at its override [s]; if `duration_s` is unknown, until the end of what is
             planned.
-        notice: what it said last to the operator; while it is paused, what to do before it is resumed.
-        duration_s: of the whole program at 100 %, as its text was simulated [s]; None: it was not.
-        simulated: share of its lines that the simulation has reached; below 1 `duration_s` is an estimate by
-            the lines so far.
-        pauses: how many of its lines to come wait for an operator, as far as simulated; `eta_s` is without
+        notice: its last message to the operator; while it is paused, what to do before it is resumed.
+        duration_s: of the whole program at 100 %, as its text was simulated [s]; None: not simulated.
+        simulated: share of its lines that the simulation has reached; below 1 `duration_s` is an estimate
+            from the lines so far.
+        pauses: how many of its remaining lines wait for an operator, as far as simulated; `eta_s` excludes
             these waits.
-        waits_for: the input that M66, or a code of ``[dialect.waits]``, waits for, those that hold it
-            (docs/io.md), or the program that is waited for to leave (docs/clearance.md); empty: for none.
+        waits_for: the input that M66, or a code of ``[dialect.waits]``, waits for, the inputs that hold it
+            (docs/io.md), or the program that must leave first (docs/clearance.md); empty: none.
         rejections: as in `Ack`; 0 in programs of an earlier start of the server. reason: as in `Ack`.
-        servo: of a program in servo mode; None: it is none.
-        block_delete, optional_stop: as of `OpenRequest`; None: of a program of an earlier start of the server
-            (`continuation` tells them).
+        servo: of a program in servo mode; None: it is not in servo mode.
+        block_delete, optional_stop: as in `OpenRequest`; None: a program of an earlier start of the server
+            (`continuation` reports them).
         opened_at, ended_at: Unix time [s].
     """
 
@@ -201,11 +201,11 @@ class AxesStatus(msgspec.Struct, frozen=True):
     """All axes, column-wise: every list has one entry for each of ``index``.
 
     Attributes:
-        homed: whether the axis knows where it is; axes without ``[axis.homing]`` always do.
+        homed: whether the axis knows its position; axes without ``[axis.homing]`` always do.
         silent: whether the axis's drive does not answer: its position, velocity and torque are old. Empty
             while all answer.
-        skew: of second drives of gantry pairs by how much they are further than their leaders [mm, deg]; of
-            other axes 0. Empty on a machine without pairs.
+        skew: how much the second drive of a gantry pair is further than its leader [mm, deg]; 0 for
+            other axes. Empty on a machine without pairs.
     """
 
     index: list[int]
@@ -237,7 +237,7 @@ class InputStatus(msgspec.Struct, frozen=True):
 
 
 class OutputStatus(msgspec.Struct, frozen=True):
-    """An output: its value (digital: 0, 1), and who has set it last: a program's id, ``operator`` or nobody
+    """An output: its value (digital: 0, 1), and who set it last: a program's id, ``operator`` or nobody
     (empty)."""
 
     name: str
@@ -250,7 +250,7 @@ class ProbeStatus(msgspec.Struct, frozen=True):
 
     Attributes:
         tripped: the probe changed. positions: where the axes were then, else where the move ended, by number
-            [mm, deg]: positions of axes, whatever offsets the program had.
+            [mm, deg]: machine positions, independent of the program's offsets.
         t: executor time [s].
     """
 
@@ -266,9 +266,9 @@ class WorkOffset(msgspec.Struct, frozen=True):
 
     Attributes:
         system: such as ``G54``. origin: where the axes read zero, by number [mm, deg]; an axis
-            that is left out reads as the machine does.
-        rotation: by which X and Y are turned about Z there, counter-clockwise (G10 L2 R) [deg]: an axis alone
-            does not tell what they read then.
+            that is omitted reads as the machine does.
+        rotation: angle by which X and Y are turned about Z, counter-clockwise (G10 L2 R) [deg]: a single axis
+            does not determine what they read then.
     """
 
     system: str
@@ -281,8 +281,8 @@ class DiskStatus(msgspec.Struct, frozen=True):
 
     Attributes:
         since: Unix time from which on it is slow [s].
-        commit_s: for how long what is to be said has waited for the journal's commit [s].
-        sync_s: how long the sync under way has taken [s]; a power cut loses what was committed in that time.
+        commit_s: how long messages have waited for the journal's commit [s].
+        sync_s: how long the current sync has taken [s]; a power cut loses what was committed in that time.
         worst_s: the longest of these since then [s].
     """
 
@@ -293,11 +293,11 @@ class DiskStatus(msgspec.Struct, frozen=True):
 
 
 class MountedTool(msgspec.Struct, frozen=True):
-    """A tool that has a body and is mounted, as a program has said.
+    """A tool that has a body and is mounted, according to a program.
 
     Attributes:
-        spindle: it is the cutter there, with ``length`` and ``diameter`` of the tool table [mm]; else both
-            are 0.
+        spindle: it is the cutter in the spindle, with ``length`` and ``diameter`` of the tool table [mm];
+            otherwise both are 0.
     """
 
     number: int
@@ -314,9 +314,9 @@ class MachineStatus(msgspec.Struct, frozen=True):
         override: machine-wide feed override [%].
         late_cycles: cycles that began too late, since the start.
         inputs, outputs: those of the machine file, in the order of ``info``.
-        work_offsets: systems that were set, in which the next program starts (G54 is in force then).
+        work_offsets: systems that were set, with which the next program starts (G54 is in force then).
         disk: how slow the disk under the journal is; None: it keeps up.
-        mounted: tools that have bodies and are known to be there.
+        mounted: tools that have bodies and are known to be mounted.
         bed_mesh: mesh in force where G29 probes one: none, that of the machine file, or the probed one; None:
             G29 does not probe.
     """
@@ -345,7 +345,7 @@ class LineReport(msgspec.Struct, frozen=True, omit_defaults=True):
 
     Attributes:
         start_s, end_s: executor time [s].
-        requested_s: None for what asks for no time.
+        requested_s: None if the line requests no time.
         stretched_by: actual / requested; None without a requested time.
         bound_by: the limit that stretched it, such as ``axis 2 acceleration``.
     """
@@ -365,7 +365,7 @@ class Event(msgspec.Struct, frozen=True, omit_defaults=True):
 
     Attributes:
         t: executor time [s]. wall: Unix time of ``t``, by the clock as it went then [s].
-        kind: says which of the others are set (docs/wire/events.md).
+        kind: determines which of the others are set (docs/wire/events.md).
         lines: for ``lines.ended``. line: the last line started for ``lines.started``; the line of a fault.
         reason: why a program ended, an emergency stop's reason, a warning's code, a drive's or bus's code.
         axis: of a drive's event, or of homing. probe: for ``probe``.

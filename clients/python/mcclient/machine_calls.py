@@ -80,24 +80,25 @@ class MachineCalls:
         Args:
             name: for people: a file's name.
             axes: the axes to lease; None: all of the machine.
-            on_disconnect: what happens when the client's liveliness token goes, or it calls ``leave``.
-            grace_s: how long the token may be away before that; whoever is back within it goes on.
+            on_disconnect: what happens when the client's liveliness token disappears, or it calls ``leave``.
+            grace_s: how long the token may be absent before that; a client that returns in this time
+                continues.
             start_line: number of the first line that will run.
-            before: lines 1 … start_line - 1. They do not run; the axes go to where they end, energized, in
-                the modal state of there.
+            before: lines 1 … start_line - 1. They do not run; the axes move to where these lines end,
+                energized, in the modal state that they leave.
             resume_of: id of an earlier program; its journaled lines before ``start_line`` serve as
                 ``before``.
-            step: single line mode: a line starts only when ``step`` asks for it.
+            step: single-line mode: a line starts only on a ``step`` call.
             hold: begin held; ``resume`` starts it.
-            sha256: of the whole text; its times, of ``simulate`` or ``put_text``, are those of the program.
-            at_pause: run now, also on axes of a program that stands at a pause, such as to set zero with a
-                new tool; refused (MC512) where it would have to wait. Without it a program waits for the
-                other's end.
+            sha256: of the whole text; its times, from ``simulate`` or ``put_text``, are used for the program.
+            at_pause: run now, also on axes of a program that is at a pause, such as to set zero with a new
+                tool; refused (MC512) if it would have to wait. Without it a program waits for the other's
+                end.
             way: of a start in the middle, as in `ContinueRequest`.
             outputs: of a start in the middle, as in `ContinueRequest`.
             block_delete: lines that begin with ``/`` are skipped, until the program ends; None: they are
-                carried out as if it were not there, but ``resume_of`` keeps what it had (D-98).
-            optional_stop: whether M01 pauses; None: it does, but ``resume_of`` keeps what it had.
+                executed as if it were not there, but ``resume_of`` keeps its setting (D-98).
+            optional_stop: whether M01 pauses; None: it does, but ``resume_of`` keeps its setting.
         """
         self._declare_token()
         return await self._caller.ask(
@@ -138,12 +139,12 @@ class MachineCalls:
         them, and the way between.
 
         Args:
-            program: one that has ended; where others have gone on with it, the last of these is meant.
-            line: the first that would run; None: the one behind the last that is done.
+            program: one that has ended; if others have continued it, the last of these is meant.
+            line: the first that would run; None: the one after the last that is done.
             before: lines 1 … line - 1 of a text, instead of ``program``.
             axes: of it; None: all of the machine.
-            block_delete: of the text, as of `OpenRequest`; a program keeps what it had.
-            optional_stop: of the text, as of `OpenRequest`; a program keeps what it had.
+            block_delete: of the text, as in `OpenRequest`; a program keeps its settings.
+            optional_stop: of the text, as in `OpenRequest`; a program keeps its settings.
         """
         return await self._caller.ask(
             wire.Continuation,
@@ -177,10 +178,10 @@ class MachineCalls:
         Args:
             program: as in `ContinuationRequest`.
             line: as in `ContinuationRequest`.
-            way: axes may go the way that `continuation` shows, where the machine file names no safe one.
-            outputs: set what the program had switched, or leave it as it is; None: nothing was said.
-            on_disconnect: as of `OpenRequest`.
-            grace_s: as of `OpenRequest`.
+            way: axes may move as `continuation` shows, if the machine file names no safe way.
+            outputs: set what the program had switched, or leave it as it is; None: not specified.
+            on_disconnect: as in `OpenRequest`.
+            grace_s: as in `OpenRequest`.
             hold: begin held.
         """
         self._declare_token()
@@ -273,14 +274,14 @@ class MachineCalls:
         """Move one axis by hand.
 
         Args:
-            distance: from where it is, signed [mm, deg]; None: on until stopped or the limit, sign of
+            distance: from where it is, signed [mm, deg]; None: until stopped or the limit, by the sign of
                 ``velocity``.
             velocity: [mm/s, deg/s]; None: a tenth of the axis's limit.
-            hold_s: dead man's time: the axis stops unless the same jog is asked for again within it; None: no
-                such watch. A jog without distance always has one (default 0.5 s).
-            program: id of the jog under way that this request keeps alive.
-            by: the person, where a client serves several: steps of one person follow each other, those of
-                another one are refused (MC512) while the axis moves.
+            hold_s: dead-man timeout: the axis stops unless the same jog is requested again within it; None:
+                no timeout. A jog without distance always has one (default 0.5 s).
+            program: id of the running jog that this request keeps alive.
+            by: the person, if a client serves several: steps of one person follow each other, those of
+                another person are refused (MC512) while the axis moves.
         """
         self._declare_token()
         return (
@@ -315,13 +316,13 @@ class MachineCalls:
 
         Args:
             tool: number of the machine file.
-            word: X Y Z to go along that axis of ``frame``, A B C to turn about it with the tip at rest.
+            word: X Y Z to move along that axis of ``frame``, A B C to turn about it with the tip at rest.
             velocity: of the tip [mm/s], of a turn [deg/s], signed. Near a singular position, and where a
-                joint has less, it goes slower.
+                joint's limit is lower, it is slower.
             frame: the base, or the tool itself.
-            hold_s: dead man's time, as of ``jog`` (default 0.5 s).
-            program: id of the jog under way that this request keeps alive.
-            by: the person, where a client serves several.
+            hold_s: dead-man timeout, as in ``jog`` (default 0.5 s).
+            program: id of the running jog that this request keeps alive.
+            by: the person, if a client serves several.
         """
         self._declare_token()
         return await self._caller.ask(
@@ -352,9 +353,9 @@ class MachineCalls:
 
         Args:
             text: all of the new file.
-            sha256: of the text that was changed, as ``machine_file`` gave it.
+            sha256: of the text that was edited, as ``machine_file`` returned it.
             only_check: nothing is written.
-            by: the person, where a client serves several.
+            by: the person, if a client serves several.
         """
         return await self._caller.ask(
             wire.WriteMachineFileReply,
@@ -379,10 +380,10 @@ class MachineCalls:
         Args:
             axes: the axes to lease, all free now; None: all of the machine.
             name: for people.
-            low: by axis number as text the least position that targets lead to [mm or deg]; with ``high`` or
-                not at all. A machine with bodies or zones needs both: where these would not stay clear
+            low: lowest position that targets may command, by axis number as text [mm or deg]; only together
+                with ``high``. A machine with bodies or zones needs both: if these would not stay clear
                 everywhere between, the program ends as faulted and nothing moves.
-            high: by axis number as text the greatest position that targets lead to [mm or deg].
+            high: highest position that targets may command, by axis number as text [mm or deg].
         """
         self._declare_token()
         return await self._caller.ask(
@@ -412,10 +413,10 @@ class MachineCalls:
         Args:
             axes: the axes to lease, all free now; None: all of the machine.
             name: for people.
-            low: by axis number as text the least position that targets lead to [mm or deg]; with ``high`` or
-                not at all. A machine with bodies or zones needs both: where these would not stay clear
+            low: lowest position that targets may command, by axis number as text [mm or deg]; only together
+                with ``high``. A machine with bodies or zones needs both: if these would not stay clear
                 everywhere between, the program ends as faulted and nothing moves.
-            high: by axis number as text the greatest position that targets lead to [mm or deg].
+            high: highest position that targets may command, by axis number as text [mm or deg].
         """
         self._declare_token()
         return await self._caller.ask(
@@ -483,10 +484,10 @@ class MachineCalls:
 
         Args:
             row: ``G54`` to ``G59.3``, or ``T3``.
-            name: for people; empty takes it away.
-            life_min: for how long the tool may cut; 0: there is no limit.
-            used_min: for how long it has cut, 0 when a new one is fitted.
-            by: the person, where a client serves several.
+            name: for people; empty removes it.
+            life_min: how long the tool may cut; 0: no limit.
+            used_min: how long it has cut, 0 when a new one is fitted.
+            by: the person, if a client serves several.
         """
         return (
             await self._caller.ask(
@@ -520,7 +521,7 @@ class MachineCalls:
 
         Args:
             reason: for people.
-            client: on the key ``estop``, who stops, as it says itself; a call has it in its key.
+            client: on the key ``estop``, who stops, by its own account; a call has it in its key.
         """
         return (
             await self._caller.ask(wire.Done, "estop", {"reason": reason, "client": client}, deadline_s)
@@ -539,7 +540,7 @@ class MachineCalls:
         """Find every fault of a program's text; nothing runs.
 
         Args:
-            text: the whole of it; or sha256: of one that was handed over by ``put_text``.
+            text: the whole text; or sha256: of one that was uploaded by ``put_text``.
             positions: start the axes there [mm, deg].
             block_delete: as of `OpenRequest`.
             optional_stop: as of `OpenRequest`.
@@ -576,15 +577,14 @@ class MachineCalls:
         """Run a program's text on a virtual clock: its times, travels and faults.
 
         Args:
-            positions: start the axes there [mm, deg]; None: where the machine file lets simulated drives
-                start.
-            path_points: the reply's `path` has so many points at most; 0: no path.
+            positions: start the axes there [mm, deg]; None: where the machine file starts simulated drives.
+            path_points: maximum number of points in the reply's `path`; 0: no path.
             lines: whether the reply has the times of every line.
             assertions: are judged on every setpoint; one that does not hold is a fault (MC330).
             against: another program's text, from the same start: the reply has the `difference` to its
                 motion.
-            role: whose run it is to be: `agent`, one that a person approves, or `operator`, any other; zones
-                of the other do not count. None: all zones do.
+            role: whose run it is: `agent`, one that a person approves, or `operator`, any other; zones of the
+                other role do not count. None: all zones count.
             block_delete: as of `OpenRequest`.
             optional_stop: as of `OpenRequest`.
         """
@@ -616,7 +616,7 @@ class MachineCalls:
             sha256: of the whole text in UTF-8.
             size: of the whole text [bytes].
             offset: where the part begins [bytes].
-            part: its bytes; characters may be cut.
+            part: its bytes; characters may be split.
         """
         return await self._caller.ask(
             wire.PutTextReply,
@@ -643,11 +643,11 @@ class MachineCalls:
         Args:
             text: the program.
             name: for people.
-            axes: the only axes that it may move; None: those that the text names.
-            certificate: a file of ``mcserver certify`` for this very run, which arms it; None: a person has
-                to.
-            block_delete: as of `OpenRequest`, and part of what is approved; a certificate has its own.
-            optional_stop: as of `OpenRequest`, and part of what is approved; a certificate has its own.
+            axes: the only axes that it may move; None: those named in the text.
+            certificate: a file of ``mcserver certify`` for exactly this run, which arms it; None: a person
+                must.
+            block_delete: as in `OpenRequest`, and part of what is approved; a certificate has its own.
+            optional_stop: as in `OpenRequest`, and part of what is approved; a certificate has its own.
         """
         self._declare_token()
         return await self._caller.ask(
@@ -697,11 +697,11 @@ class MachineCalls:
             sha256: of the text, or at least its first 8 digits.
             seconds: how long it may be started.
             override: the greatest feed override [%].
-            number: of the request that was looked at: one that was made anew since is not armed; None: any.
-            standing_s: for so long whatever else the same client asks for, and stays inside of the envelope
-                of this run, is armed as it is asked for; 0: only this run, once.
-            servo: as long it may stream targets, too, inside of the extents, speeds and duration of this run
-                (`servo_armed`); no simulation shows these beforehand.
+            number: of the request that was reviewed: one that was repeated since is not armed; None: any.
+            standing_s: for this time every other run that the same client requests, and that stays inside the
+                envelope of this run, is armed at its request; 0: only this run, once.
+            servo: for the same time it may also stream targets, inside the extents, speeds and duration of
+                this run (`servo_armed`); no simulation shows these beforehand.
         """
         return await self._caller.ask(
             wire.RunRequestStatus,
@@ -724,7 +724,7 @@ class MachineCalls:
 
         Args:
             sha256: of the text, or at least its first 8 digits.
-            number: as of `ArmRequest`.
+            number: as in `ArmRequest`.
         """
         return await self._caller.ask(
             wire.RunRequestStatus,
@@ -749,7 +749,7 @@ class MachineCalls:
         """Start a program that is armed.
 
         Args:
-            grace_s: as of `OpenRequest`.
+            grace_s: as in `OpenRequest`.
         """
         self._declare_token()
         return await self._caller.ask(
@@ -763,7 +763,7 @@ class MachineCalls:
 
         Args:
             name: of the recording; empty: the time.
-            max_s: when it ends by itself; None: when it is stopped.
+            max_s: when it ends by itself; None: only when it is stopped.
         """
         return (
             await self._caller.ask(
@@ -848,9 +848,9 @@ class MachineCalls:
         Nothing is sent.
 
         Args:
-            seconds: that are kept.
+            seconds: time kept.
             trigger: such as ``following error > 0.05``; empty: at once.
-            level: fires also where the level is met already.
+            level: fires also if the level is already met.
             before_s: kept before the trigger; None: a quarter.
             timeout_s: how long the trigger may take.
         """
@@ -896,7 +896,7 @@ class MachineCalls:
             index: of the object.
             subindex: of the object.
             axis: whose drive; or ``node``, with ``bus`` where several buses have that number.
-            type: how the bytes are to be read; None: by the drive's EDS, or the standard's objects.
+            type: how to read the bytes; None: by the drive's EDS, or the standard's objects.
         """
         return await self._caller.ask(
             wire.SdoReply,

@@ -321,7 +321,7 @@ class Diagnostic:
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """What stopped motion: a stable code, the axis and the line where they apply."""
+    """What stopped motion: a stable code, and the axis and line if they apply."""
 
     code: str
     message: str
@@ -334,22 +334,21 @@ class Fault:
 
 @dataclass(frozen=True, slots=True)
 class Ack:
-    """Payload of ``ack/{program}``: cumulative, so that a lost one does not matter.
+    """Payload of ``ack/{program}``: cumulative, so a lost one does not matter.
 
     Attributes:
-        accepted: lines through this number are taken and journaled.
-        done: this line and every one before it have ended: their setpoints have been passed, and behind
-            an exact stop the axes are in position. Between exact stops an axis may be behind by its
-            following error, at most ``max_following_error``: to ask for more would make a stop of each
-            line.
+        accepted: lines through this number are accepted and journaled.
+        done: this line and every one before it have ended: their setpoints have been passed, and after an
+            exact stop the axes are in position. Between exact stops an axis may lag by its following
+            error, at most ``max_following_error``: a stricter condition would make each line a stop.
         credit: how many lines after ``accepted`` fit now.
         state: the program's.
         rejected: number of the line that was found faulty; it is the next one expected. 0: none.
         diagnostics: what is wrong with it.
         fault: what stopped the program.
-        expected: set where the message acknowledged held a gap: the number that is expected.
+        expected: the line number expected, set if the acknowledged message left a gap.
         rejections: how many lines of the program have been rejected so far. An acknowledgement with a
-            smaller count than one before is older: its numbers are of lines that are given up.
+            smaller count than an earlier one is older: its numbers are of lines that were discarded.
         reason: why it was aborted: by whom, or a code; empty in programs of an earlier start of the
             server.
     """
@@ -403,9 +402,9 @@ class AxesStatus:
     """All axes, column-wise: every list has one entry for each of ``index``.
 
     Attributes:
-        homed: whether the axis knows where it is; axes without ``[axis.homing]`` always do.
-        skew: of second drives of gantry pairs by how much they are further than their leaders [mm, deg];
-            of other axes 0. Empty on a machine without pairs.
+        homed: whether the axis knows its position; axes without ``[axis.homing]`` always do.
+        skew: how much the second drive of a gantry pair is further than its leader [mm, deg]; 0 for other
+            axes. Empty on a machine without pairs.
         silent: whether the axis's drive does not answer: its position, velocity and torque are old. Empty
             while all answer.
     """
@@ -450,9 +449,9 @@ class AxisDifference:
 class AxisInfo:
     """One axis; limits in mm or deg and seconds, None where not limited.
 
-    ``homing``: how it finds its reference; None: its encoder's reading is its position. ``letter``: a further
-    one by which programs of the machine's profile name it, such as ``E``; empty: none. ``spindle``: M3, M4,
-    M5 and S turn it.
+    ``homing``: how it finds its reference; None: its encoder's reading is its position. ``letter``: an
+    additional letter by which programs of the machine's profile name it, such as ``E``; empty: none.
+    ``spindle``: M3, M4, M5 and S turn it.
     """
 
     index: int
@@ -616,8 +615,8 @@ class ButtonInfo:
 
     Attributes:
         text: lines of G-code; ``{name}`` is the place of an argument.
-        role: the least that may press it, ``operator`` or ``engineer``.
-        confirm: what has to be confirmed before it runs; empty: nothing.
+        role: the lowest role that may press it, ``operator`` or ``engineer``.
+        confirm: what must be confirmed before it runs; empty: nothing.
         group: the heading under which pages show it.
     """
 
@@ -652,7 +651,7 @@ class ClearanceReport:
     """The least distances of a run's bodies.
 
     Attributes:
-        least_mm: None where all stayed more than 50 mm above the margin apart.
+        least_mm: None if all stayed apart by more than the margin plus 50 mm.
         pairs: that came nearer, the nearest first, 20 at most.
         assumed_on: zones that an input switches, which count as on.
     """
@@ -721,7 +720,7 @@ class Need:
 
 @dataclass(frozen=True, slots=True)
 class Continuation:
-    """How a program would go on.
+    """How a program would continue.
 
     Attributes:
         program: its id, empty for a text.
@@ -729,19 +728,19 @@ class Continuation:
         state: as it ended; lines through ``done`` are certain.
         done: as it ended; lines through ``done`` are certain.
         accepted: as it ended; lines through ``done`` are certain.
-        whole: its text is known to its end, so that nothing has to be sent.
+        whole: its text is known to its end, so nothing must be sent.
         sha256: of its whole text.
         line: the first that would run.
-        first: of the text about that line.
-        lines: of the text about that line.
+        first: of the text around that line.
+        lines: of the text around that line.
         modal: codes in force there.
         energize: axes that are energized first.
         axes: where each is, and where the program has it there.
         way: the moves that bring them there, in order.
-        switched: what the program had switched otherwise than it is now.
-        needs: what stands in the way; one that has `confirm` passes with that field of the request.
-        block_delete: what it goes on with.
-        optional_stop: what it goes on with.
+        switched: what the program had switched differently from now.
+        needs: what prevents it; one that has `confirm` is met by that field of the request.
+        block_delete: the settings that it continues with.
+        optional_stop: the settings that it continues with.
     """
 
     program: str
@@ -766,12 +765,12 @@ class Continuation:
 
 @dataclass(frozen=True, slots=True)
 class ContinueReply:
-    """The program that goes on, as `OpenReply`.
+    """The program that continues, like `OpenReply`.
 
     Attributes:
         line: the first that runs.
-        resume_of: the program that it goes on with.
-        whole: all of its lines are there; else the client sends those from ``expected`` on.
+        resume_of: the program that it continues.
+        whole: the server has all of its lines; otherwise the client sends those from ``expected`` on.
     """
 
     program: str
@@ -827,8 +826,8 @@ class DiskStatus:
 
     Attributes:
         since: Unix time from which on it is slow [s].
-        commit_s: for how long what is to be said has waited for the journal's commit [s].
-        sync_s: how long the sync under way has taken [s]; a power cut loses what was committed in that
+        commit_s: how long messages have waited for the journal's commit [s].
+        sync_s: how long the current sync has taken [s]; a power cut loses what was committed in that
             time.
         worst_s: the longest of these since then [s].
     """
@@ -841,7 +840,7 @@ class DiskStatus:
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """Reply of methods that only do something: the programs concerned."""
+    """Reply of methods that return no data: the programs concerned."""
 
     programs: tuple[str, ...]
 
@@ -1044,7 +1043,7 @@ class DrivesHealthReply:
 
 @dataclass(frozen=True, slots=True)
 class DrivesReply:
-    """By axis; empty where no drive is on a bus."""
+    """By axis; empty if no drive is on a bus."""
 
     drives: tuple[DriveInfo, ...]
 
@@ -1062,7 +1061,7 @@ class ErrorReply:
 
     Attributes:
         details: what the code's entry in docs/wire/errors.md lists, such as ``expected``.
-        diagnostics: faults of G-code, where the error is about lines.
+        diagnostics: faults of G-code, if the error concerns lines.
     """
 
     code: str
@@ -1079,7 +1078,7 @@ class LineReport:
     Attributes:
         start_s: executor time [s].
         end_s: executor time [s].
-        requested_s: None for what asks for no time.
+        requested_s: None if the line requests no time.
         stretched_by: actual / requested; None without a requested time.
         bound_by: the limit that stretched it, such as ``axis 2 acceleration``.
     """
@@ -1098,8 +1097,8 @@ class ProbeStatus:
 
     Attributes:
         tripped: the probe changed.
-        positions: where the axes were then, else where the move ended, by number [mm, deg]: positions of
-            axes, whatever offsets the program had.
+        positions: where the axes were then, else where the move ended, by number [mm, deg]: machine
+            positions, independent of the program's offsets.
         t: executor time [s].
     """
 
@@ -1118,7 +1117,7 @@ class Event:
 
     Attributes:
         t: executor time [s].
-        kind: says which of the others are set (docs/wire/events.md).
+        kind: determines which of the others are set (docs/wire/events.md).
         line: the last line started for ``lines.started``; the line of a fault.
         lines: for ``lines.ended``.
         reason: why a program ended, an emergency stop's reason, a warning's code, a drive's or bus's
@@ -1149,7 +1148,7 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class EventsReply:
-    """``oldest`` is the first number that the server still has; ``newest`` the last one published."""
+    """``oldest`` is the first number that the server still holds; ``newest`` the last one published."""
 
     instance: str
     oldest: int
@@ -1186,7 +1185,7 @@ class ToolInfo:
     """One tool of G01 … Tn.
 
     Attributes:
-        work: the frame in which its poses are; empty: the base.
+        work: the frame of its poses; empty: the base.
     """
 
     number: int
@@ -1199,7 +1198,7 @@ class ToolInfo:
 
 @dataclass(frozen=True, slots=True)
 class TelemetryInfo:
-    """How to read ``tele/batch``: its columns, its fields and how many cycles a message holds at most."""
+    """How to read ``tele/batch``: its columns, its fields and the maximum of cycles in a message."""
 
     axes: tuple[int, ...]
     fields: tuple[str, ...]
@@ -1225,8 +1224,8 @@ class InputInfo:
     """One input.
 
     Attributes:
-        number: of its kind, as M66 names it.
-        source: where a real one comes from; empty: it is simulated.
+        number: within its kind, as M66 names it.
+        source: of a real input; empty: it is simulated.
         hold: it can hold the programs, or stop the machine.
         stop: it can hold the programs, or stop the machine.
     """
@@ -1245,11 +1244,11 @@ class OutputInfo:
     """One output.
 
     Attributes:
-        number: of its kind, as M62 to M68 name it.
-        target: where a real one goes; empty: it is simulated.
+        number: within its kind, as M62 to M68 name it.
+        target: of a real output; empty: it is simulated.
         min: least and greatest value.
         max: least and greatest value.
-        safe: its value once what has set it is lost; None: it stays.
+        safe: its value once its setter is lost; None: it stays.
     """
 
     name: str
@@ -1268,13 +1267,13 @@ class Info:
 
     Attributes:
         protocol: versions of this key space that the server speaks.
-        instance: one start of the server; another one means that programs before it were interrupted.
+        instance: one start of the server; a different one means that earlier programs were interrupted.
         epoch: Unix time of executor time 0, by the clock as it goes now [s].
-        buttons: programs of the machine file that operators start, numbers to be put into their places.
-        group: what people find the machine by.
-        tags: what people find the machine by.
+        buttons: programs of the machine file that operators start, with places for numbers.
+        group: by which people find the machine.
+        tags: by which people find the machine.
         camera: address of a still picture or of MJPEG; empty: none.
-        orders_from: instruments that may order, such as ``opcua``; others only show the machine.
+        orders_from: instruments that may command, such as ``opcua``; others only show the machine.
     """
 
     machine: str
@@ -1347,7 +1346,7 @@ class MachineFileReply:
         name: of the file, without its folder.
         text: as it is on the disk now.
         sha256: of that text.
-        in_force: the server runs by this text; else it has changed since the start.
+        in_force: the server runs with this text; otherwise it has changed since the start.
     """
 
     name: str
@@ -1361,15 +1360,15 @@ class ServoStatus:
     """The targets of a program in servo mode, counted since it was opened.
 
     Attributes:
-        taken: messages that count.
-        lost: numbers that never came, or came behind later ones.
-        late: came later than they count for.
-        doubled: of the newest number, or a lower one.
-        reordered: of the newest number, or a lower one.
-        jumped: too far from the point before, and not confirmed by the next one.
-        refused: not finite, not of the program's axes, or a pose that the tool cannot be led to.
+        taken: messages accepted.
+        lost: numbers that never came, or came after later ones.
+        late: came after their validity.
+        doubled: repeated the newest number, or had a lower one.
+        reordered: repeated the newest number, or had a lower one.
+        jumped: too far from the previous point, and not confirmed by the next one.
+        refused: not finite, not of the program's axes, or a pose that the tool cannot reach.
         clipped: of those taken, beyond an axis's travel.
-        slowed: of those taken, faster for a tool than its axes go.
+        slowed: of those taken, faster than a tool's axes can go.
         interval_s: between messages, by the sender's clock.
         age_s: of the newest one, beyond the quickest.
     """
@@ -1392,27 +1391,27 @@ class ProgramStatus:
     """One program.
 
     Attributes:
-        line: the line under way, at a pause the one that asks for it; 0: none yet.
-        progress: share of its time that has passed, 0 … 1; where `duration_s` is not known, of its lines.
+        line: the line being run, at a pause the one that asks for it; 0: none yet.
+        progress: share of its time that has passed, 0 … 1; if `duration_s` is unknown, of its lines.
         opened_at: Unix time [s].
-        eta_s: until its end at its override [s]; where `duration_s` is not known, until the end of what
-            is planned.
+        eta_s: until its end at its override [s]; if `duration_s` is unknown, until the end of what is
+            planned.
         ended_at: Unix time [s].
-        duration_s: of the whole program at 100 %, as its text was simulated [s]; None: it was not.
-        notice: what it said last to the operator; while it is paused, what to do before it is resumed.
+        duration_s: of the whole program at 100 %, as its text was simulated [s]; None: not simulated.
+        notice: its last message to the operator; while it is paused, what to do before it is resumed.
         simulated: share of its lines that the simulation has reached; below 1 `duration_s` is an estimate
-            by the lines so far.
-        pauses: how many of its lines to come wait for an operator, as far as simulated; `eta_s` is
-            without these waits.
-        waits_for: the input that M66, or a code of ``[dialect.waits]``, waits for, those that hold it
-            (docs/io.md), or the program that is waited for to leave (docs/clearance.md); empty: for none.
+            from the lines so far.
+        pauses: how many of its remaining lines wait for an operator, as far as simulated; `eta_s`
+            excludes these waits.
+        waits_for: the input that M66, or a code of ``[dialect.waits]``, waits for, the inputs that hold
+            it (docs/io.md), or the program that must leave first (docs/clearance.md); empty: none.
         rejections: as in `Ack`; 0 in programs of an earlier start of the server.
-        servo: of a program in servo mode; None: it is none.
+        servo: of a program in servo mode; None: it is not in servo mode.
         reason: as in `Ack`.
-        block_delete: as of `OpenRequest`; None: of a program of an earlier start of the server
-            (`continuation` tells them).
-        optional_stop: as of `OpenRequest`; None: of a program of an earlier start of the server
-            (`continuation` tells them).
+        block_delete: as in `OpenRequest`; None: a program of an earlier start of the server
+            (`continuation` reports them).
+        optional_stop: as in `OpenRequest`; None: a program of an earlier start of the server
+            (`continuation` reports them).
     """
 
     program: str
@@ -1458,7 +1457,7 @@ class ToolPose:
 
 @dataclass(frozen=True, slots=True)
 class OutputStatus:
-    """An output: its value (digital: 0, 1), and who has set it last: a program's id, ``operator`` or nobody
+    """An output: its value (digital: 0, 1), and who set it last: a program's id, ``operator`` or nobody
     (empty).
     """
 
@@ -1473,10 +1472,10 @@ class WorkOffset:
 
     Attributes:
         system: such as ``G54``.
-        origin: where the axes read zero, by number [mm, deg]; an axis that is left out reads as the
+        origin: where the axes read zero, by number [mm, deg]; an axis that is omitted reads as the
             machine does.
-        rotation: by which X and Y are turned about Z there, counter-clockwise (G10 L2 R) [deg]: an axis
-            alone does not tell what they read then.
+        rotation: angle by which X and Y are turned about Z, counter-clockwise (G10 L2 R) [deg]: a single
+            axis does not determine what they read then.
     """
 
     system: str
@@ -1486,11 +1485,11 @@ class WorkOffset:
 
 @dataclass(frozen=True, slots=True)
 class MountedTool:
-    """A tool that has a body and is mounted, as a program has said.
+    """A tool that has a body and is mounted, according to a program.
 
     Attributes:
-        spindle: it is the cutter there, with ``length`` and ``diameter`` of the tool table [mm]; else
-            both are 0.
+        spindle: it is the cutter in the spindle, with ``length`` and ``diameter`` of the tool table [mm];
+            otherwise both are 0.
     """
 
     number: int
@@ -1510,9 +1509,9 @@ class MachineStatus:
         late_cycles: cycles that began too late, since the start.
         inputs: those of the machine file, in the order of ``info``.
         outputs: those of the machine file, in the order of ``info``.
-        work_offsets: systems that were set, in which the next program starts (G54 is in force then).
+        work_offsets: systems that were set, with which the next program starts (G54 is in force then).
         disk: how slow the disk under the journal is; None: it keeps up.
-        mounted: tools that have bodies and are known to be there.
+        mounted: tools that have bodies and are known to be mounted.
         bed_mesh: mesh in force where G29 probes one: none, that of the machine file, or the probed one;
             None: G29 does not probe.
     """
@@ -1538,7 +1537,7 @@ class MachineStatus:
 
 @dataclass(frozen=True, slots=True)
 class MeshInfo:
-    """A mesh that the URDF names: ``name`` as it stands there; ``size`` in bytes, 0: it is not to be had."""
+    """A mesh that the URDF names: ``name`` as written there; ``size`` in bytes, 0: it is not available."""
 
     name: str
     size: int
@@ -1550,17 +1549,17 @@ class ModelBody:
 
     Attributes:
         shape: ``box`` (of a zone too), ``cylinder``, ``capsule``, ``sphere``, ``mesh`` or ``cutter``.
-        size_mm: edges of a box, radius and length of what is round.
-        at_mm: in the frame of what carries it, Rz(C)·Ry(B)·Rx(A).
-        turned_deg: in the frame of what carries it, Rz(C)·Ry(B)·Rx(A).
-        mesh: its place in `ModelReply.meshes`; the file is in mm.
+        size_mm: edges of a box, radius and length of a round shape.
+        at_mm: in the frame of its carrier, Rz(C)·Ry(B)·Rx(A).
+        turned_deg: in the frame of its carrier, Rz(C)·Ry(B)·Rx(A).
+        mesh: its index in `ModelReply.meshes`; the file is in mm.
         link: of the URDF that carries it.
-        carried_by: axes that do instead
-        directions: of them, 0 to 2 for X to Z.
-        opposite: against their sense. Neither: it stands.
-        tool: that it comes with; None: it is always there.
+        carried_by: axes that carry it instead
+        directions: of these, 0 to 2 for X to Z.
+        opposite: in their negative direction. Neither: it is fixed.
+        tool: with which it is mounted; None: it is always there.
         zone: ``keep_out``, ``keep_in`` or ``slow``; empty: a body.
-        input: name of what switches it on; empty: it is always on.
+        input: name of the input that switches it on; empty: it is always on.
         high: the input's level then.
     """
 
@@ -1597,7 +1596,7 @@ class ModelReply:
         urdf: its text; empty: the machine has none.
         digest: of the text and the meshes.
         joints: the joint that each axis moves, by axis number.
-        meshes: of the visuals, and behind them those of bodies, in the order of `ModelMeshRequest.mesh`.
+        meshes: of the visuals, followed by those of bodies, in the order of `ModelMeshRequest.mesh`.
     """
 
     urdf: str
@@ -1636,12 +1635,12 @@ class ProgramsReply:
 
 @dataclass(frozen=True, slots=True)
 class PutTextReply:
-    """How much of the text is there: the next part begins at ``received``.
+    """How much of the text has arrived: the next part begins at ``received``.
 
     Attributes:
         received: of the text [bytes].
-        lines: in what is there.
-        complete: all of it is.
+        lines: in this part of it.
+        complete: all of it has arrived.
     """
 
     received: int
@@ -1704,7 +1703,7 @@ class RecordingPart:
 
 @dataclass(frozen=True, slots=True)
 class RecordingsReply:
-    """The newest first; ``recorder`` None: it does not run.
+    """The newest first; ``recorder`` None: it is not running.
 
     ``folder``: on the server's disk.
     """
@@ -1761,17 +1760,17 @@ class RunRequestStatus:
 
     Attributes:
         operator: who armed or rejected it.
-        block_delete: what the run has of them, as of `OpenRequest`.
-        optional_stop: what the run has of them, as of `OpenRequest`.
-        number: another one each time that the run is asked for, even with the same text.
+        block_delete: those of the run, as in `OpenRequest`.
+        optional_stop: those of the run, as in `OpenRequest`.
+        number: a new one each time that the run is requested, even with the same text.
         reason: why it was rejected.
-        effects: what the run leaves changed for those that come after it, a sentence each.
+        effects: what the run leaves changed for later runs, a sentence each.
         tools: extents of the tools' tips.
-        digest: SHA-256 of all that the simulation read.
-        changed: what of that is no longer as it was, a sentence each; while there is any it cannot start.
-        approval: hash of the approval for a while that has armed it, inside of whose envelope it stays.
-        beyond: what of it is outside of the one that its client has, a sentence each.
-        servo: it is approved for a while, for streamed targets, too.
+        digest: SHA-256 of everything that the simulation read.
+        changed: which of this has changed since, a sentence each; if there is any it cannot start.
+        approval: hash of the approval for a time that has armed it; the run stays inside its envelope.
+        beyond: what of the run is outside the envelope approved for its client, a sentence each.
+        servo: it is approved for a time, for streamed targets, too.
     """
 
     sha256: str
@@ -1802,7 +1801,7 @@ class RunPreviewReply:
     """A request with its text and the path of its simulation.
 
     Attributes:
-        certifiable: what ``mcserver certify`` signs of it, as JSON: all that its simulation began from,
+        certifiable: what ``mcserver certify`` signs of it, as JSON: the initial state of its simulation,
             and a digest of its setpoints.
         warnings: of its check and simulation, the first ones
         unshown_warnings: how many more there were.
@@ -1858,7 +1857,7 @@ class SdoReply:
 
 @dataclass(frozen=True, slots=True)
 class ServoReply:
-    """The program that follows targets, put as `StreamTargets` on ``in/{client}/{program}``; its axes in
+    """The program that follows targets, sent as `StreamTargets` on ``in/{client}/{program}``; its axes in
     order.
     """
 
@@ -1884,7 +1883,7 @@ class TipPath:
 
 @dataclass(frozen=True, slots=True)
 class SimulatedPath:
-    """Points at even distances along the axes' travel.
+    """Points at equal distances along the axes' travel.
 
     Attributes:
         lines: the program's line at each point.
@@ -1905,9 +1904,9 @@ class SimulateReply:
         work_offsets: of the systems used or set.
         inputs: their values at the end, by name.
         outputs: their values at the end, by name.
-        path: where it was asked for.
+        path: if it was requested.
         clearance: of a machine that names bodies.
-        assertions: what those of the request come to, in their order.
+        assertions: results of those of the request, in their order.
         difference: to the motion of `against`.
     """
 
@@ -1928,7 +1927,7 @@ class SimulateReply:
 
 @dataclass(frozen=True, slots=True)
 class SubmitReply:
-    """Cumulative: lines through ``accepted`` are taken, through ``done`` have ended; ``credit`` more fit.
+    """Cumulative: lines through ``accepted`` are accepted, through ``done`` have ended; ``credit`` more fit.
 
     ``rejections``: how many the program has had.
     """
@@ -1976,9 +1975,9 @@ class ToolRow:
     """A line of the tool table [mm], for G43.
 
     Attributes:
-        changed: by G10 L1, not as the machine file has it.
-        life_min: for how long it may cut; 0: nobody has said.
-        used_min: it has cut, counted in G01 to G03 while its spindle turns.
+        changed: by G10 L1, so that it differs from the machine file.
+        life_min: how long it may cut; 0: not set.
+        used_min: how long it has cut, counted in G01 to G03 while its spindle turns.
     """
 
     number: int
@@ -1992,11 +1991,11 @@ class ToolRow:
 
 @dataclass(frozen=True, slots=True)
 class Tables:
-    """What programs start with, and who changed it.
+    """The tables that programs start with, and who changed them.
 
     Attributes:
         offsets: systems that were set; the others read zero at the machine's zero.
-        tool_table: whether the machine's programs have one: G43 and G10 L1 exist.
+        tool_table: whether the machine's programs have one, with G43 and G10 L1.
         tools: in the order of their numbers.
         changes: the newest first.
         names: of systems, by system.
@@ -2014,8 +2013,8 @@ class ToolJogReply:
     """The jog's program, for ``abort`` and for keeping it alive.
 
     Attributes:
-        obstacle: which joint ends the way, and why, for people; empty: nothing within the tool's reach,
-            or the jog was kept alive.
+        obstacle: which joint ends the motion, and why, for people; empty: nothing within the tool's
+            reach, or the jog was kept alive.
     """
 
     program: str

@@ -81,15 +81,15 @@ export type Severity =
 export type ToolDirection =
   | "X" | "Y" | "Z" | "A" | "B" | "C";
 
-/** Payload of `ack/{program}`: cumulative, so that a lost one does not matter. */
+/** Payload of `ack/{program}`: cumulative, so a lost one does not matter. */
 export interface Ack {
   program: string;
-  /** lines through this number are taken and journaled. */
+  /** lines through this number are accepted and journaled. */
   accepted: number;
   /**
-   * this line and every one before it have ended: their setpoints have been passed, and behind an exact stop the
-   * axes are in position. Between exact stops an axis may be behind by its following error, at most
-   * `max_following_error`: to ask for more would make a stop of each line.
+   * this line and every one before it have ended: their setpoints have been passed, and after an exact stop the
+   * axes are in position. Between exact stops an axis may lag by its following error, at most
+   * `max_following_error`: a stricter condition would make each line a stop.
    */
   done: number;
   /** how many lines after `accepted` fit now. */
@@ -102,11 +102,11 @@ export interface Ack {
   diagnostics?: Diagnostic[];
   /** what stopped the program. */
   fault?: Fault | null;
-  /** set where the message acknowledged held a gap: the number that is expected. */
+  /** the line number expected, set if the acknowledged message left a gap. */
   expected?: number;
   /**
-   * how many lines of the program have been rejected so far. An acknowledgement with a smaller count than one
-   * before is older: its numbers are of lines that are given up.
+   * how many lines of the program have been rejected so far. An acknowledgement with a smaller count than an
+   * earlier one is older: its numbers are of lines that were discarded.
    */
   rejections?: number;
   /** why it was aborted: by whom, or a code; empty in programs of an earlier start of the server. */
@@ -130,16 +130,16 @@ export interface ArmRequest {
   seconds?: number | undefined;
   /** the greatest feed override [%]. */
   override?: number | undefined;
-  /** of the request that was looked at: one that was made anew since is not armed; null: any. */
+  /** of the request that was reviewed: one that was repeated since is not armed; null: any. */
   number?: number | null | undefined;
   /**
-   * for so long whatever else the same client asks for, and stays inside of the envelope of this run, is armed as
-   * it is asked for; 0: only this run, once.
+   * for this time every other run that the same client requests, and that stays inside the envelope of this run,
+   * is armed at its request; 0: only this run, once.
    */
   standing_s?: number | undefined;
   /**
-   * as long it may stream targets, too, inside of the extents, speeds and duration of this run (`servo_armed`);
-   * no simulation shows these beforehand.
+   * for the same time it may also stream targets, inside the extents, speeds and duration of this run
+   * (`servo_armed`); no simulation shows these beforehand.
    */
   servo?: boolean | undefined;
 }
@@ -168,11 +168,11 @@ export interface AxesStatus {
   velocity: number[];
   torque: number[];
   state: AxisState[];
-  /** whether the axis knows where it is; axes without `[axis.homing]` always do. */
+  /** whether the axis knows its position; axes without `[axis.homing]` always do. */
   homed?: boolean[];
   /**
-   * of second drives of gantry pairs by how much they are further than their leaders [mm, deg]; of other axes 0.
-   * Empty on a machine without pairs.
+   * how much the second drive of a gantry pair is further than its leader [mm, deg]; 0 for other axes. Empty on a
+   * machine without pairs.
    */
   skew?: number[];
   /** whether the axis's drive does not answer: its position, velocity and torque are old. Empty while all answer. */
@@ -201,8 +201,8 @@ export interface AxisDifference {
 
 /**
  * One axis; limits in mm or deg and seconds, null where not limited. `homing`: how it finds its reference; null:
- * its encoder's reading is its position. `letter`: a further one by which programs of the machine's profile name
- * it, such as `E`; empty: none. `spindle`: M3, M4, M5 and S turn it.
+ * its encoder's reading is its position. `letter`: an additional letter by which programs of the machine's
+ * profile name it, such as `E`; empty: none. `spindle`: M3, M4, M5 and S turn it.
  */
 export interface AxisInfo {
   index: number;
@@ -289,9 +289,9 @@ export interface ButtonInfo {
   name: string;
   /** lines of G-code; `{name}` is the place of an argument. */
   text: string;
-  /** the least that may press it, `operator` or `engineer`. */
+  /** the lowest role that may press it, `operator` or `engineer`. */
   role: string;
-  /** what has to be confirmed before it runs; empty: nothing. */
+  /** what must be confirmed before it runs; empty: nothing. */
   confirm: string;
   arguments: ArgumentInfo[];
   /** the heading under which pages show it. */
@@ -306,7 +306,7 @@ export interface CheckReply {
 
 /** Every fault of a program's text; nothing runs. */
 export interface CheckRequest {
-  /** the whole of it; or sha256: of one that was handed over by `put_text`. */
+  /** the whole text; or sha256: of one that was uploaded by `put_text`. */
   text?: string | null | undefined;
   /** start the axes there [mm, deg]. */
   positions?: Record<string, number> | null | undefined;
@@ -320,7 +320,7 @@ export interface CheckRequest {
 /** The least distances of a run's bodies. */
 export interface ClearanceReport {
   margin_mm: number;
-  /** null where all stayed more than 50 mm above the margin apart. */
+  /** null if all stayed apart by more than the margin plus 50 mm. */
   least_mm: number | null;
   /** that came nearer, the nearest first, 20 at most. */
   pairs: PairClearance[];
@@ -337,15 +337,15 @@ export interface CloseReply {
 }
 
 /**
- * No more lines will come; what is there runs to its end. `last`: the last line that was sent; the program is
- * only closed if it has been accepted.
+ * No more lines will come; the accepted lines run to their end. `last`: the last line that was sent; the program
+ * is only closed if it has been accepted.
  */
 export interface CloseRequest {
   program: string;
   last?: number | null | undefined;
 }
 
-/** How a program would go on. */
+/** How a program would continue. */
 export interface Continuation {
   /** its id, empty for a text. */
   program: string;
@@ -357,15 +357,15 @@ export interface Continuation {
   done: number;
   /** as it ended; lines through `done` are certain. */
   accepted: number;
-  /** its text is known to its end, so that nothing has to be sent. */
+  /** its text is known to its end, so nothing must be sent. */
   whole: boolean;
   /** of its whole text. */
   sha256: string | null;
   /** the first that would run. */
   line: number;
-  /** of the text about that line. */
+  /** of the text around that line. */
   first: number;
-  /** of the text about that line. */
+  /** of the text around that line. */
   lines: string[];
   /** codes in force there. */
   modal: string[];
@@ -375,33 +375,33 @@ export interface Continuation {
   axes: AxisStart[];
   /** the moves that bring them there, in order. */
   way: WayStep[];
-  /** what the program had switched otherwise than it is now. */
+  /** what the program had switched differently from now. */
   switched: Switched[];
-  /** what stands in the way; one that has `confirm` passes with that field of the request. */
+  /** what prevents it; one that has `confirm` is met by that field of the request. */
   needs: Need[];
-  /** what it goes on with. */
+  /** the settings that it continues with. */
   block_delete: boolean;
-  /** what it goes on with. */
+  /** the settings that it continues with. */
   optional_stop: boolean;
 }
 
 /** What a start in the middle of a program would do; nothing moves. */
 export interface ContinuationRequest {
-  /** one that has ended; where others have gone on with it, the last of these is meant. */
+  /** one that has ended; if others have continued it, the last of these is meant. */
   program?: string | null | undefined;
-  /** the first that would run; null: the one behind the last that is done. */
+  /** the first that would run; null: the one after the last that is done. */
   line?: number | null | undefined;
   /** lines 1 … line - 1 of a text, instead of `program`. */
   before?: string[] | undefined;
   /** of it; null: all of the machine. */
   axes?: number[] | null | undefined;
-  /** of the text, as of `OpenRequest`; a program keeps what it had. */
+  /** of the text, as in `OpenRequest`; a program keeps its settings. */
   block_delete?: boolean | null | undefined;
-  /** of the text, as of `OpenRequest`; a program keeps what it had. */
+  /** of the text, as in `OpenRequest`; a program keeps its settings. */
   optional_stop?: boolean | null | undefined;
 }
 
-/** The program that goes on, as `OpenReply`. */
+/** The program that continues, like `OpenReply`. */
 export interface ContinueReply {
   program: string;
   state: ProgramState;
@@ -411,25 +411,25 @@ export interface ContinueReply {
   instance: string;
   /** the first that runs. */
   line: number;
-  /** the program that it goes on with. */
+  /** the program that it continues. */
   resume_of: string;
-  /** all of its lines are there; else the client sends those from `expected` on. */
+  /** the server has all of its lines; otherwise the client sends those from `expected` on. */
   whole: boolean;
 }
 
-/** Goes on with a program that has ended. */
+/** Continues a program that has ended. */
 export interface ContinueRequest {
   /** as in `ContinuationRequest`. */
   program: string;
   /** as in `ContinuationRequest`. */
   line?: number | null | undefined;
-  /** axes may go the way that `continuation` shows, where the machine file names no safe one. */
+  /** axes may move as `continuation` shows, if the machine file names no safe way. */
   way?: boolean | undefined;
-  /** set what the program had switched, or leave it as it is; null: nothing was said. */
+  /** set what the program had switched, or leave it as it is; null: not specified. */
   outputs?: Outputs | null | undefined;
-  /** as of `OpenRequest`. */
+  /** as in `OpenRequest`. */
   on_disconnect?: OnDisconnect | undefined;
-  /** as of `OpenRequest`. */
+  /** as in `OpenRequest`. */
   grace_s?: number | undefined;
   /** begin held. */
   hold?: boolean | undefined;
@@ -451,15 +451,15 @@ export interface Difference {
 export interface DiskStatus {
   /** Unix time from which on it is slow [s]. */
   since: number;
-  /** for how long what is to be said has waited for the journal's commit [s]. */
+  /** how long messages have waited for the journal's commit [s]. */
   commit_s: number;
-  /** how long the sync under way has taken [s]; a power cut loses what was committed in that time. */
+  /** how long the current sync has taken [s]; a power cut loses what was committed in that time. */
   sync_s: number;
   /** the longest of these since then [s]. */
   worst_s: number;
 }
 
-/** Reply of methods that only do something: the programs concerned. */
+/** Reply of methods that return no data: the programs concerned. */
 export interface Done {
   programs: string[];
 }
@@ -528,11 +528,11 @@ export interface DriveParametersRequest {
 /** Every mapped object of an axis's drive in each cycle. */
 export interface DriveScopeRequest {
   axis: number;
-  /** that are kept. */
+  /** time kept. */
   seconds?: number | undefined;
   /** such as `following error > 0.05`; empty: at once. */
   trigger?: string | undefined;
-  /** fires also where the level is met already. */
+  /** fires also if the level is already met. */
   level?: boolean | undefined;
   /** kept before the trigger; null: a quarter. */
   before_s?: number | null | undefined;
@@ -556,7 +556,7 @@ export interface DriveTrace {
   signals: ScopeSignal[];
 }
 
-/** The gains of an axis in mode cst or csv, by the motion of a program; `seconds`: looked at. */
+/** The gains of an axis in mode cst or csv, by the motion of a program; `seconds`: time observed. */
 export interface DriveTuneRequest {
   axis: number;
   seconds?: number | undefined;
@@ -592,12 +592,12 @@ export interface DrivesHealthReply {
   buses: BusHealth[];
 }
 
-/** How the buses are; `seconds`: for which they are listened to, all together. */
+/** Health of the buses; `seconds`: how long to listen to them, all together. */
 export interface DrivesHealthRequest {
   seconds?: number | undefined;
 }
 
-/** By axis; empty where no drive is on a bus. */
+/** By axis; empty if no drive is on a bus. */
 export interface DrivesReply {
   drives: DriveInfo[];
 }
@@ -611,7 +611,7 @@ export interface DrivesScanReply {
   buses: BusScan[];
 }
 
-/** Asks who is on a bus: every node number of CAN, every drive of EtherCAT; `bus` empty: on all. */
+/** Scans a bus: every node number of CAN, every drive of EtherCAT; `bus` empty: all buses. */
 export interface DrivesScanRequest {
   bus?: string | undefined;
 }
@@ -633,7 +633,7 @@ export interface ErrorReply {
   hint?: string;
   /** what the code's entry in docs/wire/errors.md lists, such as `expected`. */
   details?: Record<string, unknown>;
-  /** faults of G-code, where the error is about lines. */
+  /** faults of G-code, if the error concerns lines. */
   diagnostics?: Diagnostic[];
 }
 
@@ -641,7 +641,7 @@ export interface ErrorReply {
 export interface EstopRequest {
   /** for people. */
   reason?: string | undefined;
-  /** on the key `estop`, who stops, as it says itself; a call has it in its key. */
+  /** on the key `estop`, who stops, by its own account; a call has it in its key. */
   client?: string | undefined;
 }
 
@@ -651,7 +651,7 @@ export interface MotionEvent {
   /** executor time [s]. */
   t: number;
   instance: string;
-  /** says which of the others are set (docs/wire/events.md). */
+  /** determines which of the others are set (docs/wire/events.md). */
   kind: EventKind;
   program?: string | null;
   client?: string | null;
@@ -674,7 +674,7 @@ export interface MotionEvent {
   wall?: number;
 }
 
-/** `oldest` is the first number that the server still has; `newest` the last one published. */
+/** `oldest` is the first number that the server still holds; `newest` the last one published. */
 export interface EventsReply {
   instance: string;
   oldest: number;
@@ -682,7 +682,7 @@ export interface EventsReply {
   events: MotionEvent[];
 }
 
-/** Events that the server still has, from number `since` on, oldest first. */
+/** Events that the server still holds, from number `since` on, oldest first. */
 export interface EventsRequest {
   since?: number | undefined;
   limit?: number | undefined;
@@ -699,7 +699,7 @@ export interface Extent {
   turns?: boolean;
 }
 
-/** What stopped motion: a stable code, the axis and the line where they apply. */
+/** What stopped motion: a stable code, and the axis and line if they apply. */
 export interface Fault {
   code: string;
   message: string;
@@ -727,7 +727,7 @@ export interface Info {
   server: string;
   /** versions of this key space that the server speaks. */
   protocol: number[];
-  /** one start of the server; another one means that programs before it were interrupted. */
+  /** one start of the server; a different one means that earlier programs were interrupted. */
   instance: string;
   /** Unix time of executor time 0, by the clock as it goes now [s]. */
   epoch: number;
@@ -739,15 +739,15 @@ export interface Info {
   methods: string[];
   inputs?: InputInfo[];
   outputs?: OutputInfo[];
-  /** programs of the machine file that operators start, numbers to be put into their places. */
+  /** programs of the machine file that operators start, with places for numbers. */
   buttons?: ButtonInfo[];
-  /** what people find the machine by. */
+  /** by which people find the machine. */
   group?: string;
-  /** what people find the machine by. */
+  /** by which people find the machine. */
   tags?: string[];
   /** address of a still picture or of MJPEG; empty: none. */
   camera?: string;
-  /** instruments that may order, such as `opcua`; others only show the machine. */
+  /** instruments that may command, such as `opcua`; others only show the machine. */
   orders_from?: string[];
 }
 
@@ -758,11 +758,11 @@ export interface InfoRequest {
 /** One input. */
 export interface InputInfo {
   name: string;
-  /** of its kind, as M66 names it. */
+  /** within its kind, as M66 names it. */
   number: number;
   kind: ChannelKind;
   unit?: string;
-  /** where a real one comes from; empty: it is simulated. */
+  /** of a real input; empty: it is simulated. */
   source?: string;
   /** it can hold the programs, or stop the machine. */
   hold?: boolean;
@@ -786,19 +786,19 @@ export interface JogReply {
 /** Moves one axis by hand. */
 export interface JogRequest {
   axis: number;
-  /** from where it is, signed [mm, deg]; null: on until stopped or the limit, sign of `velocity`. */
+  /** from where it is, signed [mm, deg]; null: until stopped or the limit, by the sign of `velocity`. */
   distance?: number | null | undefined;
   /** [mm/s, deg/s]; null: a tenth of the axis's limit. */
   velocity?: number | null | undefined;
   /**
-   * dead man's time: the axis stops unless the same jog is asked for again within it; null: no such watch. A jog
+   * dead-man timeout: the axis stops unless the same jog is requested again within it; null: no timeout. A jog
    * without distance always has one (default 0.5 s).
    */
   hold_s?: number | null | undefined;
-  /** id of the jog under way that this request keeps alive. */
+  /** id of the running jog that this request keeps alive. */
   program?: string | null | undefined;
   /**
-   * the person, where a client serves several: steps of one person follow each other, those of another one are
+   * the person, if a client serves several: steps of one person follow each other, those of another person are
    * refused (MC512) while the axis moves.
    */
   by?: string | undefined;
@@ -824,7 +824,7 @@ export interface Judged {
   line: number;
 }
 
-/** The client goes for good: what it has open ends now as its `on_disconnect` says, without a grace. */
+/** The client leaves: its open programs end now as their `on_disconnect` says, without a grace time. */
 export interface LeaveRequest {
 }
 
@@ -846,7 +846,7 @@ export interface LineReport {
   start_s: number;
   /** executor time [s]. */
   end_s: number;
-  /** null for what asks for no time. */
+  /** null if the line requests no time. */
   requested_s?: number | null;
   /** actual / requested; null without a requested time. */
   stretched_by?: number | null;
@@ -861,7 +861,7 @@ export interface MachineFileReply {
   text: string;
   /** of that text. */
   sha256: string;
-  /** the server runs by this text; else it has changed since the start. */
+  /** the server runs with this text; otherwise it has changed since the start. */
   in_force: boolean;
 }
 
@@ -890,11 +890,11 @@ export interface MachineStatus {
   /** those of the machine file, in the order of `info`. */
   outputs?: OutputStatus[];
   probe?: ProbeStatus | null;
-  /** systems that were set, in which the next program starts (G54 is in force then). */
+  /** systems that were set, with which the next program starts (G54 is in force then). */
   work_offsets?: WorkOffset[];
   /** how slow the disk under the journal is; null: it keeps up. */
   disk?: DiskStatus | null;
-  /** tools that have bodies and are known to be there. */
+  /** tools that have bodies and are known to be mounted. */
   mounted?: MountedTool[];
   /**
    * mesh in force where G29 probes one: none, that of the machine file, or the probed one; null: G29 does not
@@ -903,7 +903,7 @@ export interface MachineStatus {
   bed_mesh?: BedMeshState | null;
 }
 
-/** A mesh that the URDF names: `name` as it stands there; `size` in bytes, 0: it is not to be had. */
+/** A mesh that the URDF names: `name` as written there; `size` in bytes, 0: it is not available. */
 export interface MeshInfo {
   name: string;
   size: number;
@@ -914,27 +914,27 @@ export interface ModelBody {
   name: string;
   /** `box` (of a zone too), `cylinder`, `capsule`, `sphere`, `mesh` or `cutter`. */
   shape: string;
-  /** edges of a box, radius and length of what is round. */
+  /** edges of a box, radius and length of a round shape. */
   size_mm: number[];
-  /** in the frame of what carries it, Rz(C)·Ry(B)·Rx(A). */
+  /** in the frame of its carrier, Rz(C)·Ry(B)·Rx(A). */
   at_mm: number[];
-  /** in the frame of what carries it, Rz(C)·Ry(B)·Rx(A). */
+  /** in the frame of its carrier, Rz(C)·Ry(B)·Rx(A). */
   turned_deg: number[];
-  /** its place in `ModelReply.meshes`; the file is in mm. */
+  /** its index in `ModelReply.meshes`; the file is in mm. */
   mesh?: number | null;
   /** of the URDF that carries it. */
   link?: string;
-  /** axes that do instead */
+  /** axes that carry it instead */
   carried_by?: number[];
-  /** of them, 0 to 2 for X to Z. */
+  /** of these, 0 to 2 for X to Z. */
   directions?: number[];
-  /** against their sense. Neither: it stands. */
+  /** in their negative direction. Neither: it is fixed. */
   opposite?: boolean;
-  /** that it comes with; null: it is always there. */
+  /** with which it is mounted; null: it is always there. */
   tool?: number | null;
   /** `keep_out`, `keep_in` or `slow`; empty: a body. */
   zone?: string;
-  /** name of what switches it on; empty: it is always on. */
+  /** name of the input that switches it on; empty: it is always on. */
   input?: string;
   /** the input's level then. */
   high?: boolean;
@@ -962,7 +962,7 @@ export interface ModelReply {
   digest: string;
   /** the joint that each axis moves, by axis number. */
   joints: Record<string, string>;
-  /** of the visuals, and behind them those of bodies, in the order of `ModelMeshRequest.mesh`. */
+  /** of the visuals, followed by those of bodies, in the order of `ModelMeshRequest.mesh`. */
   meshes: MeshInfo[];
   bodies?: ModelBody[];
 }
@@ -979,10 +979,10 @@ export interface MonitoredValue {
   subindex?: number;
 }
 
-/** A tool that has a body and is mounted, as a program has said. */
+/** A tool that has a body and is mounted, according to a program. */
 export interface MountedTool {
   number: number;
-  /** it is the cutter there, with `length` and `diameter` of the tool table [mm]; else both are 0. */
+  /** it is the cutter in the spindle, with `length` and `diameter` of the tool table [mm]; otherwise both are 0. */
   spindle: boolean;
   length: number;
   diameter: number;
@@ -1035,28 +1035,28 @@ export interface OpenRequest {
   name?: string | undefined;
   /** the axes to lease; null: all of the machine. */
   axes?: number[] | null | undefined;
-  /** what happens when the client's liveliness token goes, or it calls `leave`. */
+  /** what happens when the client's liveliness token disappears, or it calls `leave`. */
   on_disconnect?: OnDisconnect | undefined;
-  /** how long the token may be away before that; whoever is back within it goes on. */
+  /** how long the token may be absent before that; a client that returns in this time continues. */
   grace_s?: number | undefined;
   /** number of the first line that will run. */
   start_line?: number | undefined;
   /**
-   * lines 1 … start_line - 1. They do not run; the axes go to where they end, energized, in the modal state of
-   * there.
+   * lines 1 … start_line - 1. They do not run; the axes move to where these lines end, energized, in the modal
+   * state that they leave.
    */
   before?: string[] | undefined;
   /** id of an earlier program; its journaled lines before `start_line` serve as `before`. */
   resume_of?: string | null | undefined;
-  /** single line mode: a line starts only when `step` asks for it. */
+  /** single-line mode: a line starts only on a `step` call. */
   step?: boolean | undefined;
   /** begin held; `resume` starts it. */
   hold?: boolean | undefined;
-  /** of the whole text; its times, of `simulate` or `put_text`, are those of the program. */
+  /** of the whole text; its times, from `simulate` or `put_text`, are used for the program. */
   sha256?: string | null | undefined;
   /**
-   * run now, also on axes of a program that stands at a pause, such as to set zero with a new tool; refused
-   * (MC512) where it would have to wait. Without it a program waits for the other's end.
+   * run now, also on axes of a program that is at a pause, such as to set zero with a new tool; refused (MC512)
+   * if it would have to wait. Without it a program waits for the other's end.
    */
   at_pause?: boolean | undefined;
   /** of a start in the middle, as in `ContinueRequest`. */
@@ -1064,32 +1064,32 @@ export interface OpenRequest {
   /** of a start in the middle, as in `ContinueRequest`. */
   outputs?: Outputs | null | undefined;
   /**
-   * lines that begin with `/` are skipped, until the program ends; null: they are carried out as if it were not
-   * there, but `resume_of` keeps what it had (D-98).
+   * lines that begin with `/` are skipped, until the program ends; null: they are executed as if it were not
+   * there, but `resume_of` keeps its setting (D-98).
    */
   block_delete?: boolean | null | undefined;
-  /** whether M01 pauses; null: it does, but `resume_of` keeps what it had. */
+  /** whether M01 pauses; null: it does, but `resume_of` keeps its setting. */
   optional_stop?: boolean | null | undefined;
 }
 
 /** One output. */
 export interface OutputInfo {
   name: string;
-  /** of its kind, as M62 to M68 name it. */
+  /** within its kind, as M62 to M68 name it. */
   number: number;
   kind: ChannelKind;
   unit?: string;
-  /** where a real one goes; empty: it is simulated. */
+  /** of a real output; empty: it is simulated. */
   target?: string;
   /** least and greatest value. */
   min?: number;
   /** least and greatest value. */
   max?: number;
-  /** its value once what has set it is lost; null: it stays. */
+  /** its value once its setter is lost; null: it stays. */
   safe?: number | null;
 }
 
-/** An output: its value (digital: 0, 1), and who has set it last: a program's id, `operator` or nobody (empty). */
+/** An output: its value (digital: 0, 1), and who set it last: a program's id, `operator` or nobody (empty). */
 export interface OutputStatus {
   name: string;
   value: number;
@@ -1102,7 +1102,7 @@ export interface OverrideReply {
   programs: string[];
 }
 
-/** Feed override of one program or of all, those to come included; 100 is as programmed. */
+/** Feed override of one program or of all, including future ones; 100 is as programmed. */
 export interface OverrideRequest {
   percent: number;
   program?: string | null | undefined;
@@ -1139,8 +1139,8 @@ export interface ProbeStatus {
   /** the probe changed. */
   tripped: boolean;
   /**
-   * where the axes were then, else where the move ended, by number [mm, deg]: positions of axes, whatever offsets
-   * the program had.
+   * where the axes were then, else where the move ended, by number [mm, deg]: machine positions, independent of
+   * the program's offsets.
    */
   positions: Record<string, number>;
   /** executor time [s]. */
@@ -1160,18 +1160,18 @@ export interface ProgramStatus {
   name: string;
   axes: number[];
   start_line: number;
-  /** the line under way, at a pause the one that asks for it; 0: none yet. */
+  /** the line being run, at a pause the one that asks for it; 0: none yet. */
   line: number;
   accepted: number;
   done: number;
   credit: number;
   closed: boolean;
   override: number;
-  /** share of its time that has passed, 0 … 1; where `duration_s` is not known, of its lines. */
+  /** share of its time that has passed, 0 … 1; if `duration_s` is unknown, of its lines. */
   progress: number;
   /** Unix time [s]. */
   opened_at: number;
-  /** until its end at its override [s]; where `duration_s` is not known, until the end of what is planned. */
+  /** until its end at its override [s]; if `duration_s` is unknown, until the end of what is planned. */
   eta_s?: number | null;
   fault?: Fault | null;
   rejected?: number;
@@ -1179,28 +1179,31 @@ export interface ProgramStatus {
   resume_of?: string | null;
   /** Unix time [s]. */
   ended_at?: number | null;
-  /** of the whole program at 100 %, as its text was simulated [s]; null: it was not. */
+  /** of the whole program at 100 %, as its text was simulated [s]; null: not simulated. */
   duration_s?: number | null;
-  /** what it said last to the operator; while it is paused, what to do before it is resumed. */
+  /** its last message to the operator; while it is paused, what to do before it is resumed. */
   notice?: string;
-  /** share of its lines that the simulation has reached; below 1 `duration_s` is an estimate by the lines so far. */
+  /**
+   * share of its lines that the simulation has reached; below 1 `duration_s` is an estimate from the lines so
+   * far.
+   */
   simulated?: number;
-  /** how many of its lines to come wait for an operator, as far as simulated; `eta_s` is without these waits. */
+  /** how many of its remaining lines wait for an operator, as far as simulated; `eta_s` excludes these waits. */
   pauses?: number;
   /**
-   * the input that M66, or a code of `[dialect.waits]`, waits for, those that hold it (docs/io.md), or the
-   * program that is waited for to leave (docs/clearance.md); empty: for none.
+   * the input that M66, or a code of `[dialect.waits]`, waits for, the inputs that hold it (docs/io.md), or the
+   * program that must leave first (docs/clearance.md); empty: none.
    */
   waits_for?: string;
   /** as in `Ack`; 0 in programs of an earlier start of the server. */
   rejections?: number;
-  /** of a program in servo mode; null: it is none. */
+  /** of a program in servo mode; null: it is not in servo mode. */
   servo?: ServoStatus | null;
   /** as in `Ack`. */
   reason?: string;
-  /** as of `OpenRequest`; null: of a program of an earlier start of the server (`continuation` tells them). */
+  /** as in `OpenRequest`; null: a program of an earlier start of the server (`continuation` reports them). */
   block_delete?: boolean | null;
-  /** as of `OpenRequest`; null: of a program of an earlier start of the server (`continuation` tells them). */
+  /** as in `OpenRequest`; null: a program of an earlier start of the server (`continuation` reports them). */
   optional_stop?: boolean | null;
 }
 
@@ -1218,13 +1221,13 @@ export interface ProgramsRequest {
   limit?: number | undefined;
 }
 
-/** How much of the text is there: the next part begins at `received`. */
+/** How much of the text has arrived: the next part begins at `received`. */
 export interface PutTextReply {
   /** of the text [bytes]. */
   received: number;
-  /** in what is there. */
+  /** in this part of it. */
   lines: number;
-  /** all of it is. */
+  /** all of it has arrived. */
   complete: boolean;
 }
 
@@ -1236,7 +1239,7 @@ export interface PutTextRequest {
   size: number;
   /** where the part begins [bytes]. */
   offset: number;
-  /** its bytes; characters may be cut. */
+  /** its bytes; characters may be split. */
   part: Uint8Array;
 }
 
@@ -1245,7 +1248,7 @@ export interface RecordReply {
   name: string;
 }
 
-/** Writes out the black box, the last minutes. `reason` stands in the file and in its name. */
+/** Saves the black box, the last minutes. `reason` is in the file and in its name. */
 export interface RecordSaveRequest {
   reason?: string | undefined;
 }
@@ -1254,11 +1257,11 @@ export interface RecordSaveRequest {
 export interface RecordStartRequest {
   /** of the recording; empty: the time. */
   name?: string | undefined;
-  /** when it ends by itself; null: when it is stopped. */
+  /** when it ends by itself; null: only when it is stopped. */
   max_s?: number | null | undefined;
 }
 
-/** Ends a recording; without a name the only one. The reply comes once the file is whole. */
+/** Ends a recording; without a name the only one. The reply comes once the file is complete. */
 export interface RecordStopRequest {
   name?: string | undefined;
 }
@@ -1297,44 +1300,44 @@ export interface RecordingPart {
   data: Uint8Array;
 }
 
-/** Part of a recording's file, for taking it over piece by piece; answered with a `RecordingPart`. */
+/** Part of a recording's file, for a download in parts; answered with a `RecordingPart`. */
 export interface RecordingReadRequest {
   name: string;
   offset?: number | undefined;
   size?: number | undefined;
 }
 
-/** The newest first; `recorder` null: it does not run. `folder`: on the server's disk. */
+/** The newest first; `recorder` null: it is not running. `folder`: on the server's disk. */
 export interface RecordingsReply {
   recordings: RecordingInfo[];
   recorder: RecorderStatus | null;
   folder: string;
 }
 
-/** The recordings that are there. */
+/** Lists the recordings. */
 export interface RecordingsRequest {
 }
 
-/** Says where axes are, by number as text [mm, deg]; nothing moves. */
+/** Sets the positions of axes, by number as text [mm, deg]; nothing moves. */
 export interface ReferenceRequest {
   positions: Record<string, number>;
 }
 
-/** Says no to a run; who asked for it is shown the reason. An approval for a while that was given with it ends. */
+/** Rejects a run; its client is shown the reason. An approval for a time that was given with it ends. */
 export interface RejectRequest {
   /** of the text, or at least its first 8 digits. */
   sha256: string;
   reason?: string | undefined;
-  /** as of `ArmRequest`. */
+  /** as in `ArmRequest`. */
   number?: number | null | undefined;
 }
 
-/** Clears a latched fault or emergency stop; axes stay without energy until captured (G1010). */
+/** Clears a latched fault or emergency stop; axes stay de-energized until captured (G1010). */
 export interface ResetRequest {
   axes?: number[] | null | undefined;
 }
 
-/** Runs whose envelope was approved for a while (`standing_s`), each with `remaining_s` of it. */
+/** Runs whose envelope was approved for a time (`standing_s`), each with its `remaining_s`. */
 export interface RunApprovalsRequest {
 }
 
@@ -1344,10 +1347,10 @@ export interface RunArmedReply {
   override: number;
 }
 
-/** Starts an armed program; the text is that of the request, to the last character. */
+/** Starts an armed program; the text is exactly that of the request. */
 export interface RunArmedRequest {
   text: string;
-  /** as of `OpenRequest`. */
+  /** as in `OpenRequest`. */
   grace_s?: number | undefined;
 }
 
@@ -1367,7 +1370,7 @@ export interface RunPreviewReply {
   text: string;
   path: RunPath;
   /**
-   * what `mcserver certify` signs of it, as JSON: all that its simulation began from, and a digest of its
+   * what `mcserver certify` signs of it, as JSON: the initial state of its simulation, and a digest of its
    * setpoints.
    */
   certifiable: string;
@@ -1377,7 +1380,7 @@ export interface RunPreviewReply {
   unshown_warnings?: number;
 }
 
-/** What an operator looks at before arming: the text and its simulated path. */
+/** What an operator reviews before arming: the text and its simulated path. */
 export interface RunPreviewRequest {
   /** of the text, or at least its first 8 digits. */
   sha256: string;
@@ -1390,19 +1393,19 @@ export interface RunRequestReply {
   run?: RunRequestStatus | null;
 }
 
-/** Asks for a run of a text. It is checked and simulated, and moves nothing. */
+/** Requests a run of a text. It is checked and simulated, and moves nothing. */
 export interface RunRequestRequest {
   /** the program. */
   text: string;
   /** for people. */
   name?: string | undefined;
-  /** the only axes that it may move; null: those that the text names. */
+  /** the only axes that it may move; null: those named in the text. */
   axes?: number[] | null | undefined;
-  /** a file of `mcserver certify` for this very run, which arms it; null: a person has to. */
+  /** a file of `mcserver certify` for exactly this run, which arms it; null: a person must. */
   certificate?: string | null | undefined;
-  /** as of `OpenRequest`, and part of what is approved; a certificate has its own. */
+  /** as in `OpenRequest`, and part of what is approved; a certificate has its own. */
   block_delete?: boolean | null | undefined;
-  /** as of `OpenRequest`, and part of what is approved; a certificate has its own. */
+  /** as in `OpenRequest`, and part of what is approved; a certificate has its own. */
   optional_stop?: boolean | null | undefined;
 }
 
@@ -1419,27 +1422,27 @@ export interface RunRequestStatus {
   override: number;
   /** who armed or rejected it. */
   operator: string;
-  /** what the run has of them, as of `OpenRequest`. */
+  /** those of the run, as in `OpenRequest`. */
   block_delete: boolean;
-  /** what the run has of them, as of `OpenRequest`. */
+  /** those of the run, as in `OpenRequest`. */
   optional_stop: boolean;
-  /** another one each time that the run is asked for, even with the same text. */
+  /** a new one each time that the run is requested, even with the same text. */
   number?: number;
   /** why it was rejected. */
   reason?: string;
-  /** what the run leaves changed for those that come after it, a sentence each. */
+  /** what the run leaves changed for later runs, a sentence each. */
   effects?: string[];
   /** extents of the tools' tips. */
   tools?: ToolExtent[];
-  /** SHA-256 of all that the simulation read. */
+  /** SHA-256 of everything that the simulation read. */
   digest?: string;
-  /** what of that is no longer as it was, a sentence each; while there is any it cannot start. */
+  /** which of this has changed since, a sentence each; if there is any it cannot start. */
   changed?: string[];
-  /** hash of the approval for a while that has armed it, inside of whose envelope it stays. */
+  /** hash of the approval for a time that has armed it; the run stays inside its envelope. */
   approval?: string;
-  /** what of it is outside of the one that its client has, a sentence each. */
+  /** what of the run is outside the envelope approved for its client, a sentence each. */
   beyond?: string[];
-  /** it is approved for a while, for streamed targets, too. */
+  /** it is approved for a time, for streamed targets, too. */
   servo?: boolean;
 }
 
@@ -1448,7 +1451,7 @@ export interface RunRequestsReply {
   requests: RunRequestStatus[];
 }
 
-/** What waits for an operator, is armed, or was started lately. */
+/** Requests that wait for an operator, are armed, or were started recently. */
 export interface RunRequestsRequest {
 }
 
@@ -1498,7 +1501,7 @@ export interface SdoReadRequest {
   axis?: number | null | undefined;
   node?: number | null | undefined;
   bus?: string | undefined;
-  /** how the bytes are to be read; null: by the drive's EDS, or the standard's objects. */
+  /** how to read the bytes; null: by the drive's EDS, or the standard's objects. */
   type?: SdoType | null | undefined;
 }
 
@@ -1529,7 +1532,7 @@ export interface SdoWriteRequest {
   value: boolean | number | string;
 }
 
-/** The program that follows targets, put as `StreamTargets` on `in/{client}/{program}`; its axes in order. */
+/** The program that follows targets, sent as `StreamTargets` on `in/{client}/{program}`; its axes in order. */
 export interface ServoReply {
   program: string;
   axes: number[];
@@ -1542,34 +1545,34 @@ export interface ServoRequest {
   /** for people. */
   name?: string | undefined;
   /**
-   * by axis number as text the least position that targets lead to [mm or deg]; with `high` or not at all. A
-   * machine with bodies or zones needs both: where these would not stay clear everywhere between, the program
-   * ends as faulted and nothing moves.
+   * lowest position that targets may command, by axis number as text [mm or deg]; only together with `high`. A
+   * machine with bodies or zones needs both: if these would not stay clear everywhere between, the program ends
+   * as faulted and nothing moves.
    */
   low?: Record<string, number> | null | undefined;
-  /** by axis number as text the greatest position that targets lead to [mm or deg]. */
+  /** highest position that targets may command, by axis number as text [mm or deg]. */
   high?: Record<string, number> | null | undefined;
 }
 
 /** The targets of a program in servo mode, counted since it was opened. */
 export interface ServoStatus {
-  /** messages that count. */
+  /** messages accepted. */
   taken: number;
-  /** numbers that never came, or came behind later ones. */
+  /** numbers that never came, or came after later ones. */
   lost: number;
-  /** came later than they count for. */
+  /** came after their validity. */
   late: number;
-  /** of the newest number, or a lower one. */
+  /** repeated the newest number, or had a lower one. */
   doubled: number;
-  /** of the newest number, or a lower one. */
+  /** repeated the newest number, or had a lower one. */
   reordered: number;
-  /** too far from the point before, and not confirmed by the next one. */
+  /** too far from the previous point, and not confirmed by the next one. */
   jumped: number;
-  /** not finite, not of the program's axes, or a pose that the tool cannot be led to. */
+  /** not finite, not of the program's axes, or a pose that the tool cannot reach. */
   refused: number;
   /** of those taken, beyond an axis's travel. */
   clipped: number;
-  /** of those taken, faster for a tool than its axes go. */
+  /** of those taken, faster than a tool's axes can go. */
   slowed: number;
   /** between messages, by the sender's clock. */
   interval_s: number;
@@ -1577,7 +1580,7 @@ export interface ServoStatus {
   age_s: number;
 }
 
-/** Sets a simulated input by its name, as `SetOutputRequest`; its script ends. */
+/** Sets a simulated input by its name, like `SetOutputRequest`; its script ends. */
 export interface SetInputRequest {
   input: string;
   value: boolean | number;
@@ -1595,17 +1598,17 @@ export interface SetReply {
   value: number;
 }
 
-/** Names a row of the tables, or says how long a tool may cut; what is nil stays. */
+/** Names a row of the tables, or sets how long a tool may cut; what is nil stays. */
 export interface SetTableRowRequest {
   /** `G54` to `G59.3`, or `T3`. */
   row: string;
-  /** for people; empty takes it away. */
+  /** for people; empty removes it. */
   name?: string | null | undefined;
-  /** for how long the tool may cut; 0: there is no limit. */
+  /** how long the tool may cut; 0: no limit. */
   life_min?: number | null | undefined;
-  /** for how long it has cut, 0 when a new one is fitted. */
+  /** how long it has cut, 0 when a new one is fitted. */
   used_min?: number | null | undefined;
-  /** the person, where a client serves several. */
+  /** the person, if a client serves several. */
   by?: string | undefined;
 }
 
@@ -1625,11 +1628,11 @@ export interface SimulateReply {
   inputs?: Record<string, number>;
   /** their values at the end, by name. */
   outputs?: Record<string, number>;
-  /** where it was asked for. */
+  /** if it was requested. */
   path?: SimulatedPath | null;
   /** of a machine that names bodies. */
   clearance?: ClearanceReport | null;
-  /** what those of the request come to, in their order. */
+  /** results of those of the request, in their order. */
   assertions?: Judged[];
   /** to the motion of `against`. */
   difference?: Difference | null;
@@ -1638,9 +1641,9 @@ export interface SimulateReply {
 /** Runs a program's text on a virtual clock and simulated drives. */
 export interface SimulateRequest {
   text: string;
-  /** start the axes there [mm, deg]; null: where the machine file lets simulated drives start. */
+  /** start the axes there [mm, deg]; null: where the machine file starts simulated drives. */
   positions?: Record<string, number> | null | undefined;
-  /** the reply's `path` has so many points at most; 0: no path. */
+  /** maximum number of points in the reply's `path`; 0: no path. */
   path_points?: number | undefined;
   /** whether the reply has the times of every line. */
   lines?: boolean | undefined;
@@ -1649,8 +1652,8 @@ export interface SimulateRequest {
   /** another program's text, from the same start: the reply has the `difference` to its motion. */
   against?: string | null | undefined;
   /**
-   * whose run it is to be: `agent`, one that a person approves, or `operator`, any other; zones of the other do
-   * not count. null: all zones do.
+   * whose run it is: `agent`, one that a person approves, or `operator`, any other; zones of the other role do
+   * not count. null: all zones count.
    */
   role?: RunRole | null | undefined;
   /** as of `OpenRequest`. */
@@ -1659,7 +1662,7 @@ export interface SimulateRequest {
   optional_stop?: boolean | null | undefined;
 }
 
-/** Points at even distances along the axes' travel. */
+/** Points at equal distances along the axes' travel. */
 export interface SimulatedPath {
   /** the program's line at each point. */
   lines: number[];
@@ -1671,14 +1674,14 @@ export interface SimulatedPath {
 export interface StatusRequest {
 }
 
-/** The next line of a program in single line mode. */
+/** Starts the next line of a program in single-line mode. */
 export interface StepRequest {
   program: string;
 }
 
 /**
- * Cumulative: lines through `accepted` are taken, through `done` have ended; `credit` more fit. `rejections`: how
- * many the program has had.
+ * Cumulative: lines through `accepted` are accepted, through `done` have ended; `credit` more fit. `rejections`:
+ * how many the program has had.
  */
 export interface SubmitReply {
   program: string;
@@ -1690,8 +1693,7 @@ export interface SubmitReply {
 
 /**
  * Lines `first`, `first + 1`, …; without `judge` the reply does not wait for the verdict. `rejections`: how many
- * the client has heard of; lines of before a rejection are refused. null: not said, they are taken for lines of
- * now.
+ * the client knows of; lines from before a rejection are refused. null: unknown, the lines are taken as current.
  */
 export interface SubmitRequest {
   program: string;
@@ -1741,11 +1743,11 @@ export interface TableChange {
   called?: string;
 }
 
-/** What programs start with, and who changed it. */
+/** The tables that programs start with, and who changed them. */
 export interface Tables {
   /** systems that were set; the others read zero at the machine's zero. */
   offsets: WorkOffset[];
-  /** whether the machine's programs have one: G43 and G10 L1 exist. */
+  /** whether the machine's programs have one, with G43 and G10 L1. */
   tool_table: boolean;
   /** in the order of their numbers. */
   tools: ToolRow[];
@@ -1759,7 +1761,7 @@ export interface Tables {
 export interface TablesRequest {
 }
 
-/** How to read `tele/batch`: its columns, its fields and how many cycles a message holds at most. */
+/** How to read `tele/batch`: its columns, its fields and the maximum of cycles in a message. */
 export interface TelemetryInfo {
   axes: number[];
   fields: string[];
@@ -1802,7 +1804,7 @@ export interface ToolInfo {
   axes: number[];
   orientation: boolean;
   euler: string;
-  /** the frame in which its poses are; empty: the base. */
+  /** the frame of its poses; empty: the base. */
   work?: string;
 }
 
@@ -1810,30 +1812,30 @@ export interface ToolInfo {
 export interface ToolJogReply {
   program: string;
   /**
-   * which joint ends the way, and why, for people; empty: nothing within the tool's reach, or the jog was kept
+   * which joint ends the motion, and why, for people; empty: nothing within the tool's reach, or the jog was kept
    * alive.
    */
   obstacle?: string;
 }
 
-/** Moves a tool's tip straight on, by all its joints, until it is stopped or cannot go on. */
+/** Moves a tool's tip in a straight line, by all its joints, until it is stopped or cannot continue. */
 export interface ToolJogRequest {
   /** number of the machine file. */
   tool: number;
-  /** X Y Z to go along that axis of `frame`, A B C to turn about it with the tip at rest. */
+  /** X Y Z to move along that axis of `frame`, A B C to turn about it with the tip at rest. */
   word: ToolDirection;
   /**
-   * of the tip [mm/s], of a turn [deg/s], signed. Near a singular position, and where a joint has less, it goes
-   * slower.
+   * of the tip [mm/s], of a turn [deg/s], signed. Near a singular position, and where a joint's limit is lower,
+   * it is slower.
    */
   velocity: number;
   /** the base, or the tool itself. */
   frame?: ToolFrame | undefined;
-  /** dead man's time, as of `jog` (default 0.5 s). */
+  /** dead-man timeout, as in `jog` (default 0.5 s). */
   hold_s?: number | null | undefined;
-  /** id of the jog under way that this request keeps alive. */
+  /** id of the running jog that this request keeps alive. */
   program?: string | null | undefined;
-  /** the person, where a client serves several. */
+  /** the person, if a client serves several. */
   by?: string | undefined;
 }
 
@@ -1855,12 +1857,12 @@ export interface ToolRow {
   number: number;
   length: number;
   diameter: number;
-  /** by G10 L1, not as the machine file has it. */
+  /** by G10 L1, so that it differs from the machine file. */
   changed?: boolean;
   name?: string;
-  /** for how long it may cut; 0: nobody has said. */
+  /** how long it may cut; 0: not set. */
   life_min?: number;
-  /** it has cut, counted in G01 to G03 while its spindle turns. */
+  /** how long it has cut, counted in G01 to G03 while its spindle turns. */
   used_min?: number;
 }
 
@@ -1914,7 +1916,7 @@ export interface Diagnostic {
   edit?: Edit | null;
 }
 
-/** Takes a request back; only the user who asked may. */
+/** Withdraws a request; only the user who made it may. */
 export interface WithdrawRequest {
   /** of the text, or at least its first 8 digits. */
   sha256: string;
@@ -1924,11 +1926,11 @@ export interface WithdrawRequest {
 export interface WorkOffset {
   /** such as `G54`. */
   system: string;
-  /** where the axes read zero, by number [mm, deg]; an axis that is left out reads as the machine does. */
+  /** where the axes read zero, by number [mm, deg]; an axis that is omitted reads as the machine does. */
   origin: Record<string, number>;
   /**
-   * by which X and Y are turned about Z there, counter-clockwise (G10 L2 R) [deg]: an axis alone does not tell
-   * what they read then.
+   * angle by which X and Y are turned about Z, counter-clockwise (G10 L2 R) [deg]: a single axis does not
+   * determine what they read then.
    */
   rotation?: number;
 }
@@ -1943,16 +1945,16 @@ export interface WriteMachineFileReply {
 }
 
 /**
- * Checks a text as `mcserver machine check` does, and writes it where it has no error. The server goes on by the
+ * Checks a text as `mcserver machine check` does, and writes it if it has no error. The server continues with the
  * old one until it is restarted.
  */
 export interface WriteMachineFileRequest {
   /** all of the new file. */
   text: string;
-  /** of the text that was changed, as `machine_file` gave it. */
+  /** of the text that was edited, as `machine_file` returned it. */
   sha256: string;
   /** nothing is written. */
   only_check?: boolean | undefined;
-  /** the person, where a client serves several. */
+  /** the person, if a client serves several. */
   by?: string | undefined;
 }

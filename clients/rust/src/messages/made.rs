@@ -128,15 +128,15 @@ words!(ToolDirection {
     X = "X", Y = "Y", Z = "Z", A = "A", B = "B", C = "C",
 });
 
-/// Payload of `ack/{program}`: cumulative, so that a lost one does not matter.
+/// Payload of `ack/{program}`: cumulative, so a lost one does not matter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Ack {
     pub program: String,
-    /// lines through this number are taken and journaled.
+    /// lines through this number are accepted and journaled.
     pub accepted: u64,
-    /// this line and every one before it have ended: their setpoints have been passed, and behind an exact
-    /// stop the axes are in position. Between exact stops an axis may be behind by its following error, at
-    /// most `max_following_error`: to ask for more would make a stop of each line.
+    /// this line and every one before it have ended: their setpoints have been passed, and after an exact
+    /// stop the axes are in position. Between exact stops an axis may lag by its following error, at most
+    /// `max_following_error`: a stricter condition would make each line a stop.
     pub done: u64,
     /// how many lines after `accepted` fit now.
     pub credit: u64,
@@ -151,11 +151,11 @@ pub struct Ack {
     /// what stopped the program.
     #[serde(default)]
     pub fault: Option<Fault>,
-    /// set where the message acknowledged held a gap: the number that is expected.
+    /// the line number expected, set if the acknowledged message left a gap.
     #[serde(default)]
     pub expected: u64,
     /// how many lines of the program have been rejected so far. An acknowledgement with a smaller count than
-    /// one before is older: its numbers are of lines that are given up.
+    /// an earlier one is older: its numbers are of lines that were discarded.
     #[serde(default)]
     pub rejections: u64,
     /// why it was aborted: by whom, or a code; empty in programs of an earlier start of the server.
@@ -183,12 +183,12 @@ pub struct ArmRequest {
     /// the greatest feed override \[%\].
     #[serde(rename = "override")]
     pub override_percent: f64,
-    /// of the request that was looked at: one that was made anew since is not armed; none: any.
+    /// of the request that was reviewed: one that was repeated since is not armed; none: any.
     pub number: Option<u64>,
-    /// for so long whatever else the same client asks for, and stays inside of the envelope of this run, is
-    /// armed as it is asked for; 0: only this run, once.
+    /// for this time every other run that the same client requests, and that stays inside the envelope of
+    /// this run, is armed at its request; 0: only this run, once.
     pub standing_s: f64,
-    /// as long it may stream targets, too, inside of the extents, speeds and duration of this run
+    /// for the same time it may also stream targets, inside the extents, speeds and duration of this run
     /// (`servo_armed`); no simulation shows these beforehand.
     pub servo: bool,
 }
@@ -235,11 +235,11 @@ pub struct AxesStatus {
     pub velocity: Vec<f64>,
     pub torque: Vec<f64>,
     pub state: Vec<AxisState>,
-    /// whether the axis knows where it is; axes without `\[axis.homing\]` always do.
+    /// whether the axis knows its position; axes without `\[axis.homing\]` always do.
     #[serde(default)]
     pub homed: Vec<bool>,
-    /// of second drives of gantry pairs by how much they are further than their leaders \[mm, deg\]; of other
-    /// axes 0. Empty on a machine without pairs.
+    /// how much the second drive of a gantry pair is further than its leader \[mm, deg\]; 0 for other axes.
+    /// Empty on a machine without pairs.
     #[serde(default)]
     pub skew: Vec<f64>,
     /// whether the axis's drive does not answer: its position, velocity and torque are old. Empty while all
@@ -270,8 +270,8 @@ pub struct AxisDifference {
 }
 
 /// One axis; limits in mm or deg and seconds, none where not limited. `homing`: how it finds its reference;
-/// none: its encoder's reading is its position. `letter`: a further one by which programs of the machine's
-/// profile name it, such as `E`; empty: none. `spindle`: M3, M4, M5 and S turn it.
+/// none: its encoder's reading is its position. `letter`: an additional letter by which programs of the
+/// machine's profile name it, such as `E`; empty: none. `spindle`: M3, M4, M5 and S turn it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AxisInfo {
     pub index: u64,
@@ -383,9 +383,9 @@ pub struct ButtonInfo {
     pub name: String,
     /// lines of G-code; `{name}` is the place of an argument.
     pub text: String,
-    /// the least that may press it, `operator` or `engineer`.
+    /// the lowest role that may press it, `operator` or `engineer`.
     pub role: String,
-    /// what has to be confirmed before it runs; empty: nothing.
+    /// what must be confirmed before it runs; empty: nothing.
     pub confirm: String,
     pub arguments: Vec<ArgumentInfo>,
     /// the heading under which pages show it.
@@ -402,7 +402,7 @@ pub struct CheckReply {
 /// Every fault of a program's text; nothing runs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 pub struct CheckRequest {
-    /// the whole of it; or sha256: of one that was handed over by `put_text`.
+    /// the whole text; or sha256: of one that was uploaded by `put_text`.
     pub text: Option<String>,
     /// start the axes there \[mm, deg\].
     pub positions: Option<BTreeMap<String, f64>>,
@@ -417,7 +417,7 @@ pub struct CheckRequest {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ClearanceReport {
     pub margin_mm: f64,
-    /// none where all stayed more than 50 mm above the margin apart.
+    /// none if all stayed apart by more than the margin plus 50 mm.
     #[serde(deserialize_with = "Option::deserialize")]
     pub least_mm: Option<f64>,
     /// that came nearer, the nearest first, 20 at most.
@@ -436,8 +436,8 @@ pub struct CloseReply {
     pub state: ProgramState,
 }
 
-/// No more lines will come; what is there runs to its end. `last`: the last line that was sent; the program
-/// is only closed if it has been accepted.
+/// No more lines will come; the accepted lines run to their end. `last`: the last line that was sent; the
+/// program is only closed if it has been accepted.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CloseRequest {
     pub program: String,
@@ -455,7 +455,7 @@ impl CloseRequest {
     }
 }
 
-/// How a program would go on.
+/// How a program would continue.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Continuation {
     /// its id, empty for a text.
@@ -469,16 +469,16 @@ pub struct Continuation {
     pub done: u64,
     /// as it ended; lines through `done` are certain.
     pub accepted: u64,
-    /// its text is known to its end, so that nothing has to be sent.
+    /// its text is known to its end, so nothing must be sent.
     pub whole: bool,
     /// of its whole text.
     #[serde(deserialize_with = "Option::deserialize")]
     pub sha256: Option<String>,
     /// the first that would run.
     pub line: u64,
-    /// of the text about that line.
+    /// of the text around that line.
     pub first: u64,
-    /// of the text about that line.
+    /// of the text around that line.
     pub lines: Vec<String>,
     /// codes in force there.
     pub modal: Vec<String>,
@@ -488,34 +488,34 @@ pub struct Continuation {
     pub axes: Vec<AxisStart>,
     /// the moves that bring them there, in order.
     pub way: Vec<WayStep>,
-    /// what the program had switched otherwise than it is now.
+    /// what the program had switched differently from now.
     pub switched: Vec<Switched>,
-    /// what stands in the way; one that has `confirm` passes with that field of the request.
+    /// what prevents it; one that has `confirm` is met by that field of the request.
     pub needs: Vec<Need>,
-    /// what it goes on with.
+    /// the settings that it continues with.
     pub block_delete: bool,
-    /// what it goes on with.
+    /// the settings that it continues with.
     pub optional_stop: bool,
 }
 
 /// What a start in the middle of a program would do; nothing moves.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 pub struct ContinuationRequest {
-    /// one that has ended; where others have gone on with it, the last of these is meant.
+    /// one that has ended; if others have continued it, the last of these is meant.
     pub program: Option<String>,
-    /// the first that would run; none: the one behind the last that is done.
+    /// the first that would run; none: the one after the last that is done.
     pub line: Option<u64>,
     /// lines 1 … line - 1 of a text, instead of `program`.
     pub before: Vec<String>,
     /// of it; none: all of the machine.
     pub axes: Option<Vec<u64>>,
-    /// of the text, as of `OpenRequest`; a program keeps what it had.
+    /// of the text, as in `OpenRequest`; a program keeps its settings.
     pub block_delete: Option<bool>,
-    /// of the text, as of `OpenRequest`; a program keeps what it had.
+    /// of the text, as in `OpenRequest`; a program keeps its settings.
     pub optional_stop: Option<bool>,
 }
 
-/// The program that goes on, as `OpenReply`.
+/// The program that continues, like `OpenReply`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ContinueReply {
     pub program: String,
@@ -526,26 +526,26 @@ pub struct ContinueReply {
     pub instance: String,
     /// the first that runs.
     pub line: u64,
-    /// the program that it goes on with.
+    /// the program that it continues.
     pub resume_of: String,
-    /// all of its lines are there; else the client sends those from `expected` on.
+    /// the server has all of its lines; otherwise the client sends those from `expected` on.
     pub whole: bool,
 }
 
-/// Goes on with a program that has ended.
+/// Continues a program that has ended.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ContinueRequest {
     /// as in `ContinuationRequest`.
     pub program: String,
     /// as in `ContinuationRequest`.
     pub line: Option<u64>,
-    /// axes may go the way that `continuation` shows, where the machine file names no safe one.
+    /// axes may move as `continuation` shows, if the machine file names no safe way.
     pub way: bool,
-    /// set what the program had switched, or leave it as it is; none: nothing was said.
+    /// set what the program had switched, or leave it as it is; none: not specified.
     pub outputs: Option<Outputs>,
-    /// as of `OpenRequest`.
+    /// as in `OpenRequest`.
     pub on_disconnect: OnDisconnect,
-    /// as of `OpenRequest`.
+    /// as in `OpenRequest`.
     pub grace_s: f64,
     /// begin held.
     pub hold: bool,
@@ -585,15 +585,15 @@ pub struct Difference {
 pub struct DiskStatus {
     /// Unix time from which on it is slow \[s\].
     pub since: f64,
-    /// for how long what is to be said has waited for the journal's commit \[s\].
+    /// how long messages have waited for the journal's commit \[s\].
     pub commit_s: f64,
-    /// how long the sync under way has taken \[s\]; a power cut loses what was committed in that time.
+    /// how long the current sync has taken \[s\]; a power cut loses what was committed in that time.
     pub sync_s: f64,
     /// the longest of these since then \[s\].
     pub worst_s: f64,
 }
 
-/// Reply of methods that only do something: the programs concerned.
+/// Reply of methods that return no data: the programs concerned.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Done {
     pub programs: Vec<String>,
@@ -700,11 +700,11 @@ impl DriveParametersRequest {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DriveScopeRequest {
     pub axis: u64,
-    /// that are kept.
+    /// time kept.
     pub seconds: f64,
     /// such as `following error > 0.05`; empty: at once.
     pub trigger: String,
-    /// fires also where the level is met already.
+    /// fires also if the level is already met.
     pub level: bool,
     /// kept before the trigger; none: a quarter.
     pub before_s: Option<f64>,
@@ -744,7 +744,7 @@ pub struct DriveTrace {
     pub signals: Vec<ScopeSignal>,
 }
 
-/// The gains of an axis in mode cst or csv, by the motion of a program; `seconds`: looked at.
+/// The gains of an axis in mode cst or csv, by the motion of a program; `seconds`: time observed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DriveTuneRequest {
     pub axis: u64,
@@ -792,7 +792,7 @@ pub struct DrivesHealthReply {
     pub buses: Vec<BusHealth>,
 }
 
-/// How the buses are; `seconds`: for which they are listened to, all together.
+/// Health of the buses; `seconds`: how long to listen to them, all together.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DrivesHealthRequest {
     pub seconds: f64,
@@ -807,7 +807,7 @@ impl Default for DrivesHealthRequest {
     }
 }
 
-/// By axis; empty where no drive is on a bus.
+/// By axis; empty if no drive is on a bus.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DrivesReply {
     pub drives: Vec<DriveInfo>,
@@ -823,7 +823,7 @@ pub struct DrivesScanReply {
     pub buses: Vec<BusScan>,
 }
 
-/// Asks who is on a bus: every node number of CAN, every drive of EtherCAT; `bus` empty: on all.
+/// Scans a bus: every node number of CAN, every drive of EtherCAT; `bus` empty: all buses.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 pub struct DrivesScanRequest {
     pub bus: String,
@@ -850,7 +850,7 @@ pub struct ErrorReply {
     /// what the code's entry in docs/wire/errors.md lists, such as `expected`.
     #[serde(default)]
     pub details: BTreeMap<String, serde_json::Value>,
-    /// faults of G-code, where the error is about lines.
+    /// faults of G-code, if the error concerns lines.
     #[serde(default)]
     pub diagnostics: Vec<Diagnostic>,
 }
@@ -860,7 +860,7 @@ pub struct ErrorReply {
 pub struct EstopRequest {
     /// for people.
     pub reason: String,
-    /// on the key `estop`, who stops, as it says itself; a call has it in its key.
+    /// on the key `estop`, who stops, by its own account; a call has it in its key.
     pub client: String,
 }
 
@@ -871,7 +871,7 @@ pub struct Event {
     /// executor time \[s\].
     pub t: f64,
     pub instance: String,
-    /// says which of the others are set (docs/wire/events.md).
+    /// determines which of the others are set (docs/wire/events.md).
     pub kind: EventKind,
     #[serde(default)]
     pub program: Option<String>,
@@ -907,7 +907,7 @@ pub struct Event {
     pub wall: f64,
 }
 
-/// `oldest` is the first number that the server still has; `newest` the last one published.
+/// `oldest` is the first number that the server still holds; `newest` the last one published.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct EventsReply {
     pub instance: String,
@@ -916,7 +916,7 @@ pub struct EventsReply {
     pub events: Vec<Event>,
 }
 
-/// Events that the server still has, from number `since` on, oldest first.
+/// Events that the server still holds, from number `since` on, oldest first.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct EventsRequest {
     pub since: u64,
@@ -947,7 +947,7 @@ pub struct Extent {
     pub turns: bool,
 }
 
-/// What stopped motion: a stable code, the axis and the line where they apply.
+/// What stopped motion: a stable code, and the axis and line if they apply.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Fault {
     pub code: String,
@@ -984,7 +984,7 @@ pub struct Info {
     pub server: String,
     /// versions of this key space that the server speaks.
     pub protocol: Vec<u64>,
-    /// one start of the server; another one means that programs before it were interrupted.
+    /// one start of the server; a different one means that earlier programs were interrupted.
     pub instance: String,
     /// Unix time of executor time 0, by the clock as it goes now \[s\].
     pub epoch: f64,
@@ -998,19 +998,19 @@ pub struct Info {
     pub inputs: Vec<InputInfo>,
     #[serde(default)]
     pub outputs: Vec<OutputInfo>,
-    /// programs of the machine file that operators start, numbers to be put into their places.
+    /// programs of the machine file that operators start, with places for numbers.
     #[serde(default)]
     pub buttons: Vec<ButtonInfo>,
-    /// what people find the machine by.
+    /// by which people find the machine.
     #[serde(default)]
     pub group: String,
-    /// what people find the machine by.
+    /// by which people find the machine.
     #[serde(default)]
     pub tags: Vec<String>,
     /// address of a still picture or of MJPEG; empty: none.
     #[serde(default)]
     pub camera: String,
-    /// instruments that may order, such as `opcua`; others only show the machine.
+    /// instruments that may command, such as `opcua`; others only show the machine.
     #[serde(default)]
     pub orders_from: Vec<String>,
 }
@@ -1023,12 +1023,12 @@ pub struct InfoRequest {}
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct InputInfo {
     pub name: String,
-    /// of its kind, as M66 names it.
+    /// within its kind, as M66 names it.
     pub number: u64,
     pub kind: ChannelKind,
     #[serde(default)]
     pub unit: String,
-    /// where a real one comes from; empty: it is simulated.
+    /// of a real input; empty: it is simulated.
     #[serde(default)]
     pub source: String,
     /// it can hold the programs, or stop the machine.
@@ -1060,16 +1060,16 @@ pub struct JogReply {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct JogRequest {
     pub axis: u64,
-    /// from where it is, signed \[mm, deg\]; none: on until stopped or the limit, sign of `velocity`.
+    /// from where it is, signed \[mm, deg\]; none: until stopped or the limit, by the sign of `velocity`.
     pub distance: Option<f64>,
     /// \[mm/s, deg/s\]; none: a tenth of the axis's limit.
     pub velocity: Option<f64>,
-    /// dead man's time: the axis stops unless the same jog is asked for again within it; none: no such watch.
-    /// A jog without distance always has one (default 0.5 s).
+    /// dead-man timeout: the axis stops unless the same jog is requested again within it; none: no timeout. A
+    /// jog without distance always has one (default 0.5 s).
     pub hold_s: Option<f64>,
-    /// id of the jog under way that this request keeps alive.
+    /// id of the running jog that this request keeps alive.
     pub program: Option<String>,
-    /// the person, where a client serves several: steps of one person follow each other, those of another one
+    /// the person, if a client serves several: steps of one person follow each other, those of another person
     /// are refused (MC512) while the axis moves.
     pub by: String,
 }
@@ -1113,7 +1113,7 @@ pub struct Judged {
     pub line: u64,
 }
 
-/// The client goes for good: what it has open ends now as its `on_disconnect` says, without a grace.
+/// The client leaves: its open programs end now as their `on_disconnect` says, without a grace time.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LeaveRequest {}
 
@@ -1137,7 +1137,7 @@ pub struct LineReport {
     pub start_s: f64,
     /// executor time \[s\].
     pub end_s: f64,
-    /// none for what asks for no time.
+    /// none if the line requests no time.
     #[serde(default)]
     pub requested_s: Option<f64>,
     /// actual / requested; none without a requested time.
@@ -1156,7 +1156,7 @@ pub struct MachineFileReply {
     pub text: String,
     /// of that text.
     pub sha256: String,
-    /// the server runs by this text; else it has changed since the start.
+    /// the server runs with this text; otherwise it has changed since the start.
     pub in_force: bool,
 }
 
@@ -1192,13 +1192,13 @@ pub struct MachineStatus {
     pub outputs: Vec<OutputStatus>,
     #[serde(default)]
     pub probe: Option<ProbeStatus>,
-    /// systems that were set, in which the next program starts (G54 is in force then).
+    /// systems that were set, with which the next program starts (G54 is in force then).
     #[serde(default)]
     pub work_offsets: Vec<WorkOffset>,
     /// how slow the disk under the journal is; none: it keeps up.
     #[serde(default)]
     pub disk: Option<DiskStatus>,
-    /// tools that have bodies and are known to be there.
+    /// tools that have bodies and are known to be mounted.
     #[serde(default)]
     pub mounted: Vec<MountedTool>,
     /// mesh in force where G29 probes one: none, that of the machine file, or the probed one; none: G29 does
@@ -1211,7 +1211,7 @@ fn machine_status_override() -> f64 {
     100.0
 }
 
-/// A mesh that the URDF names: `name` as it stands there; `size` in bytes, 0: it is not to be had.
+/// A mesh that the URDF names: `name` as written there; `size` in bytes, 0: it is not available.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MeshInfo {
     pub name: String,
@@ -1224,34 +1224,34 @@ pub struct ModelBody {
     pub name: String,
     /// `box` (of a zone too), `cylinder`, `capsule`, `sphere`, `mesh` or `cutter`.
     pub shape: String,
-    /// edges of a box, radius and length of what is round.
+    /// edges of a box, radius and length of a round shape.
     pub size_mm: Vec<f64>,
-    /// in the frame of what carries it, Rz(C)·Ry(B)·Rx(A).
+    /// in the frame of its carrier, Rz(C)·Ry(B)·Rx(A).
     pub at_mm: Vec<f64>,
-    /// in the frame of what carries it, Rz(C)·Ry(B)·Rx(A).
+    /// in the frame of its carrier, Rz(C)·Ry(B)·Rx(A).
     pub turned_deg: Vec<f64>,
-    /// its place in `ModelReply.meshes`; the file is in mm.
+    /// its index in `ModelReply.meshes`; the file is in mm.
     #[serde(default)]
     pub mesh: Option<u64>,
     /// of the URDF that carries it.
     #[serde(default)]
     pub link: String,
-    /// axes that do instead
+    /// axes that carry it instead
     #[serde(default)]
     pub carried_by: Vec<u64>,
-    /// of them, 0 to 2 for X to Z.
+    /// of these, 0 to 2 for X to Z.
     #[serde(default)]
     pub directions: Vec<u64>,
-    /// against their sense. Neither: it stands.
+    /// in their negative direction. Neither: it is fixed.
     #[serde(default)]
     pub opposite: bool,
-    /// that it comes with; none: it is always there.
+    /// with which it is mounted; none: it is always there.
     #[serde(default)]
     pub tool: Option<u64>,
     /// `keep_out`, `keep_in` or `slow`; empty: a body.
     #[serde(default)]
     pub zone: String,
-    /// name of what switches it on; empty: it is always on.
+    /// name of the input that switches it on; empty: it is always on.
     #[serde(default)]
     pub input: String,
     /// the input's level then.
@@ -1296,7 +1296,7 @@ pub struct ModelReply {
     pub digest: String,
     /// the joint that each axis moves, by axis number.
     pub joints: BTreeMap<String, String>,
-    /// of the visuals, and behind them those of bodies, in the order of `ModelMeshRequest.mesh`.
+    /// of the visuals, followed by those of bodies, in the order of `ModelMeshRequest.mesh`.
     pub meshes: Vec<MeshInfo>,
     #[serde(default)]
     pub bodies: Vec<ModelBody>,
@@ -1318,11 +1318,12 @@ pub struct MonitoredValue {
     pub subindex: u64,
 }
 
-/// A tool that has a body and is mounted, as a program has said.
+/// A tool that has a body and is mounted, according to a program.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MountedTool {
     pub number: u64,
-    /// it is the cutter there, with `length` and `diameter` of the tool table \[mm\]; else both are 0.
+    /// it is the cutter in the spindle, with `length` and `diameter` of the tool table \[mm\]; otherwise both
+    /// are 0.
     pub spindle: bool,
     pub length: f64,
     pub diameter: f64,
@@ -1388,34 +1389,34 @@ pub struct OpenRequest {
     pub name: String,
     /// the axes to lease; none: all of the machine.
     pub axes: Option<Vec<u64>>,
-    /// what happens when the client's liveliness token goes, or it calls `leave`.
+    /// what happens when the client's liveliness token disappears, or it calls `leave`.
     pub on_disconnect: OnDisconnect,
-    /// how long the token may be away before that; whoever is back within it goes on.
+    /// how long the token may be absent before that; a client that returns in this time continues.
     pub grace_s: f64,
     /// number of the first line that will run.
     pub start_line: u64,
-    /// lines 1 … start_line - 1. They do not run; the axes go to where they end, energized, in the modal
-    /// state of there.
+    /// lines 1 … start_line - 1. They do not run; the axes move to where these lines end, energized, in the
+    /// modal state that they leave.
     pub before: Vec<String>,
     /// id of an earlier program; its journaled lines before `start_line` serve as `before`.
     pub resume_of: Option<String>,
-    /// single line mode: a line starts only when `step` asks for it.
+    /// single-line mode: a line starts only on a `step` call.
     pub step: bool,
     /// begin held; `resume` starts it.
     pub hold: bool,
-    /// of the whole text; its times, of `simulate` or `put_text`, are those of the program.
+    /// of the whole text; its times, from `simulate` or `put_text`, are used for the program.
     pub sha256: Option<String>,
-    /// run now, also on axes of a program that stands at a pause, such as to set zero with a new tool;
-    /// refused (MC512) where it would have to wait. Without it a program waits for the other's end.
+    /// run now, also on axes of a program that is at a pause, such as to set zero with a new tool; refused
+    /// (MC512) if it would have to wait. Without it a program waits for the other's end.
     pub at_pause: bool,
     /// of a start in the middle, as in `ContinueRequest`.
     pub way: bool,
     /// of a start in the middle, as in `ContinueRequest`.
     pub outputs: Option<Outputs>,
-    /// lines that begin with `/` are skipped, until the program ends; none: they are carried out as if it
-    /// were not there, but `resume_of` keeps what it had (D-98).
+    /// lines that begin with `/` are skipped, until the program ends; none: they are executed as if it were
+    /// not there, but `resume_of` keeps its setting (D-98).
     pub block_delete: Option<bool>,
-    /// whether M01 pauses; none: it does, but `resume_of` keeps what it had.
+    /// whether M01 pauses; none: it does, but `resume_of` keeps its setting.
     pub optional_stop: Option<bool>,
 }
 
@@ -1446,12 +1447,12 @@ impl Default for OpenRequest {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct OutputInfo {
     pub name: String,
-    /// of its kind, as M62 to M68 name it.
+    /// within its kind, as M62 to M68 name it.
     pub number: u64,
     pub kind: ChannelKind,
     #[serde(default)]
     pub unit: String,
-    /// where a real one goes; empty: it is simulated.
+    /// of a real output; empty: it is simulated.
     #[serde(default)]
     pub target: String,
     /// least and greatest value.
@@ -1460,7 +1461,7 @@ pub struct OutputInfo {
     /// least and greatest value.
     #[serde(default = "output_info_max")]
     pub max: f64,
-    /// its value once what has set it is lost; none: it stays.
+    /// its value once its setter is lost; none: it stays.
     #[serde(default)]
     pub safe: Option<f64>,
 }
@@ -1469,8 +1470,7 @@ fn output_info_max() -> f64 {
     1.0
 }
 
-/// An output: its value (digital: 0, 1), and who has set it last: a program's id, `operator` or nobody
-/// (empty).
+/// An output: its value (digital: 0, 1), and who set it last: a program's id, `operator` or nobody (empty).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct OutputStatus {
     pub name: String,
@@ -1486,7 +1486,7 @@ pub struct OverrideReply {
     pub programs: Vec<String>,
 }
 
-/// Feed override of one program or of all, those to come included; 100 is as programmed.
+/// Feed override of one program or of all, including future ones; 100 is as programmed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct OverrideRequest {
     pub percent: f64,
@@ -1540,8 +1540,8 @@ pub struct ProbeStatus {
     pub line: u64,
     /// the probe changed.
     pub tripped: bool,
-    /// where the axes were then, else where the move ended, by number \[mm, deg\]: positions of axes,
-    /// whatever offsets the program had.
+    /// where the axes were then, else where the move ended, by number \[mm, deg\]: machine positions,
+    /// independent of the program's offsets.
     pub positions: BTreeMap<String, f64>,
     /// executor time \[s\].
     pub t: f64,
@@ -1562,7 +1562,7 @@ pub struct ProgramStatus {
     pub name: String,
     pub axes: Vec<u64>,
     pub start_line: u64,
-    /// the line under way, at a pause the one that asks for it; 0: none yet.
+    /// the line being run, at a pause the one that asks for it; 0: none yet.
     pub line: u64,
     pub accepted: u64,
     pub done: u64,
@@ -1570,12 +1570,11 @@ pub struct ProgramStatus {
     pub closed: bool,
     #[serde(rename = "override")]
     pub override_percent: f64,
-    /// share of its time that has passed, 0 … 1; where `duration_s` is not known, of its lines.
+    /// share of its time that has passed, 0 … 1; if `duration_s` is unknown, of its lines.
     pub progress: f64,
     /// Unix time \[s\].
     pub opened_at: f64,
-    /// until its end at its override \[s\]; where `duration_s` is not known, until the end of what is
-    /// planned.
+    /// until its end at its override \[s\]; if `duration_s` is unknown, until the end of what is planned.
     #[serde(default)]
     pub eta_s: Option<f64>,
     #[serde(default)]
@@ -1589,37 +1588,37 @@ pub struct ProgramStatus {
     /// Unix time \[s\].
     #[serde(default)]
     pub ended_at: Option<f64>,
-    /// of the whole program at 100 %, as its text was simulated \[s\]; none: it was not.
+    /// of the whole program at 100 %, as its text was simulated \[s\]; none: not simulated.
     #[serde(default)]
     pub duration_s: Option<f64>,
-    /// what it said last to the operator; while it is paused, what to do before it is resumed.
+    /// its last message to the operator; while it is paused, what to do before it is resumed.
     #[serde(default)]
     pub notice: String,
-    /// share of its lines that the simulation has reached; below 1 `duration_s` is an estimate by the lines
+    /// share of its lines that the simulation has reached; below 1 `duration_s` is an estimate from the lines
     /// so far.
     #[serde(default = "program_status_simulated")]
     pub simulated: f64,
-    /// how many of its lines to come wait for an operator, as far as simulated; `eta_s` is without these
+    /// how many of its remaining lines wait for an operator, as far as simulated; `eta_s` excludes these
     /// waits.
     #[serde(default)]
     pub pauses: u64,
-    /// the input that M66, or a code of `\[dialect.waits\]`, waits for, those that hold it (docs/io.md), or
-    /// the program that is waited for to leave (docs/clearance.md); empty: for none.
+    /// the input that M66, or a code of `\[dialect.waits\]`, waits for, the inputs that hold it (docs/io.md),
+    /// or the program that must leave first (docs/clearance.md); empty: none.
     #[serde(default)]
     pub waits_for: String,
     /// as in `Ack`; 0 in programs of an earlier start of the server.
     #[serde(default)]
     pub rejections: u64,
-    /// of a program in servo mode; none: it is none.
+    /// of a program in servo mode; none: it is not in servo mode.
     #[serde(default)]
     pub servo: Option<ServoStatus>,
     /// as in `Ack`.
     #[serde(default)]
     pub reason: String,
-    /// as of `OpenRequest`; none: of a program of an earlier start of the server (`continuation` tells them).
+    /// as in `OpenRequest`; none: a program of an earlier start of the server (`continuation` reports them).
     #[serde(default)]
     pub block_delete: Option<bool>,
-    /// as of `OpenRequest`; none: of a program of an earlier start of the server (`continuation` tells them).
+    /// as in `OpenRequest`; none: a program of an earlier start of the server (`continuation` reports them).
     #[serde(default)]
     pub optional_stop: Option<bool>,
 }
@@ -1655,14 +1654,14 @@ impl Default for ProgramsRequest {
     }
 }
 
-/// How much of the text is there: the next part begins at `received`.
+/// How much of the text has arrived: the next part begins at `received`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PutTextReply {
     /// of the text \[bytes\].
     pub received: u64,
-    /// in what is there.
+    /// in this part of it.
     pub lines: u64,
-    /// all of it is.
+    /// all of it has arrived.
     pub complete: bool,
 }
 
@@ -1675,7 +1674,7 @@ pub struct PutTextRequest {
     pub size: u64,
     /// where the part begins \[bytes\].
     pub offset: u64,
-    /// its bytes; characters may be cut.
+    /// its bytes; characters may be split.
     pub part: Bytes,
 }
 
@@ -1698,7 +1697,7 @@ pub struct RecordReply {
     pub name: String,
 }
 
-/// Writes out the black box, the last minutes. `reason` stands in the file and in its name.
+/// Saves the black box, the last minutes. `reason` is in the file and in its name.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RecordSaveRequest {
     pub reason: String,
@@ -1718,11 +1717,11 @@ impl Default for RecordSaveRequest {
 pub struct RecordStartRequest {
     /// of the recording; empty: the time.
     pub name: String,
-    /// when it ends by itself; none: when it is stopped.
+    /// when it ends by itself; none: only when it is stopped.
     pub max_s: Option<f64>,
 }
 
-/// Ends a recording; without a name the only one. The reply comes once the file is whole.
+/// Ends a recording; without a name the only one. The reply comes once the file is complete.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 pub struct RecordStopRequest {
     pub name: String,
@@ -1765,7 +1764,7 @@ pub struct RecordingPart {
     pub data: Bytes,
 }
 
-/// Part of a recording's file, for taking it over piece by piece; answered with a `RecordingPart`.
+/// Part of a recording's file, for a download in parts; answered with a `RecordingPart`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RecordingReadRequest {
     pub name: String,
@@ -1785,7 +1784,7 @@ impl RecordingReadRequest {
     }
 }
 
-/// The newest first; `recorder` none: it does not run. `folder`: on the server's disk.
+/// The newest first; `recorder` none: it is not running. `folder`: on the server's disk.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RecordingsReply {
     pub recordings: Vec<RecordingInfo>,
@@ -1794,11 +1793,11 @@ pub struct RecordingsReply {
     pub folder: String,
 }
 
-/// The recordings that are there.
+/// Lists the recordings.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RecordingsRequest {}
 
-/// Says where axes are, by number as text \[mm, deg\]; nothing moves.
+/// Sets the positions of axes, by number as text \[mm, deg\]; nothing moves.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ReferenceRequest {
     pub positions: BTreeMap<String, f64>,
@@ -1814,14 +1813,13 @@ impl ReferenceRequest {
     }
 }
 
-/// Says no to a run; who asked for it is shown the reason. An approval for a while that was given with it
-/// ends.
+/// Rejects a run; its client is shown the reason. An approval for a time that was given with it ends.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RejectRequest {
     /// of the text, or at least its first 8 digits.
     pub sha256: String,
     pub reason: String,
-    /// as of `ArmRequest`.
+    /// as in `ArmRequest`.
     pub number: Option<u64>,
 }
 
@@ -1837,13 +1835,13 @@ impl RejectRequest {
     }
 }
 
-/// Clears a latched fault or emergency stop; axes stay without energy until captured (G1010).
+/// Clears a latched fault or emergency stop; axes stay de-energized until captured (G1010).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 pub struct ResetRequest {
     pub axes: Option<Vec<u64>>,
 }
 
-/// Runs whose envelope was approved for a while (`standing_s`), each with `remaining_s` of it.
+/// Runs whose envelope was approved for a time (`standing_s`), each with its `remaining_s`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunApprovalsRequest {}
 
@@ -1855,11 +1853,11 @@ pub struct RunArmedReply {
     pub override_percent: f64,
 }
 
-/// Starts an armed program; the text is that of the request, to the last character.
+/// Starts an armed program; the text is exactly that of the request.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunArmedRequest {
     pub text: String,
-    /// as of `OpenRequest`.
+    /// as in `OpenRequest`.
     pub grace_s: f64,
 }
 
@@ -1891,7 +1889,7 @@ pub struct RunPreviewReply {
     pub run: RunRequestStatus,
     pub text: String,
     pub path: RunPath,
-    /// what `mcserver certify` signs of it, as JSON: all that its simulation began from, and a digest of its
+    /// what `mcserver certify` signs of it, as JSON: the initial state of its simulation, and a digest of its
     /// setpoints.
     pub certifiable: String,
     /// of its check and simulation, the first ones
@@ -1902,7 +1900,7 @@ pub struct RunPreviewReply {
     pub unshown_warnings: u64,
 }
 
-/// What an operator looks at before arming: the text and its simulated path.
+/// What an operator reviews before arming: the text and its simulated path.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunPreviewRequest {
     /// of the text, or at least its first 8 digits.
@@ -1928,20 +1926,20 @@ pub struct RunRequestReply {
     pub run: Option<RunRequestStatus>,
 }
 
-/// Asks for a run of a text. It is checked and simulated, and moves nothing.
+/// Requests a run of a text. It is checked and simulated, and moves nothing.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunRequestRequest {
     /// the program.
     pub text: String,
     /// for people.
     pub name: String,
-    /// the only axes that it may move; none: those that the text names.
+    /// the only axes that it may move; none: those named in the text.
     pub axes: Option<Vec<u64>>,
-    /// a file of `mcserver certify` for this very run, which arms it; none: a person has to.
+    /// a file of `mcserver certify` for exactly this run, which arms it; none: a person must.
     pub certificate: Option<String>,
-    /// as of `OpenRequest`, and part of what is approved; a certificate has its own.
+    /// as in `OpenRequest`, and part of what is approved; a certificate has its own.
     pub block_delete: Option<bool>,
-    /// as of `OpenRequest`, and part of what is approved; a certificate has its own.
+    /// as in `OpenRequest`, and part of what is approved; a certificate has its own.
     pub optional_stop: Option<bool>,
 }
 
@@ -1975,35 +1973,35 @@ pub struct RunRequestStatus {
     pub override_percent: f64,
     /// who armed or rejected it.
     pub operator: String,
-    /// what the run has of them, as of `OpenRequest`.
+    /// those of the run, as in `OpenRequest`.
     pub block_delete: bool,
-    /// what the run has of them, as of `OpenRequest`.
+    /// those of the run, as in `OpenRequest`.
     pub optional_stop: bool,
-    /// another one each time that the run is asked for, even with the same text.
+    /// a new one each time that the run is requested, even with the same text.
     #[serde(default)]
     pub number: u64,
     /// why it was rejected.
     #[serde(default)]
     pub reason: String,
-    /// what the run leaves changed for those that come after it, a sentence each.
+    /// what the run leaves changed for later runs, a sentence each.
     #[serde(default)]
     pub effects: Vec<String>,
     /// extents of the tools' tips.
     #[serde(default)]
     pub tools: Vec<ToolExtent>,
-    /// SHA-256 of all that the simulation read.
+    /// SHA-256 of everything that the simulation read.
     #[serde(default)]
     pub digest: String,
-    /// what of that is no longer as it was, a sentence each; while there is any it cannot start.
+    /// which of this has changed since, a sentence each; if there is any it cannot start.
     #[serde(default)]
     pub changed: Vec<String>,
-    /// hash of the approval for a while that has armed it, inside of whose envelope it stays.
+    /// hash of the approval for a time that has armed it; the run stays inside its envelope.
     #[serde(default)]
     pub approval: String,
-    /// what of it is outside of the one that its client has, a sentence each.
+    /// what of the run is outside the envelope approved for its client, a sentence each.
     #[serde(default)]
     pub beyond: Vec<String>,
-    /// it is approved for a while, for streamed targets, too.
+    /// it is approved for a time, for streamed targets, too.
     #[serde(default)]
     pub servo: bool,
 }
@@ -2014,7 +2012,7 @@ pub struct RunRequestsReply {
     pub requests: Vec<RunRequestStatus>,
 }
 
-/// What waits for an operator, is armed, or was started lately.
+/// Requests that wait for an operator, are armed, or were started recently.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunRequestsRequest {}
 
@@ -2073,7 +2071,7 @@ pub struct SdoReadRequest {
     pub axis: Option<u64>,
     pub node: Option<u64>,
     pub bus: String,
-    /// how the bytes are to be read; none: by the drive's EDS, or the standard's objects.
+    /// how to read the bytes; none: by the drive's EDS, or the standard's objects.
     #[serde(rename = "type")]
     pub kind: Option<SdoType>,
 }
@@ -2145,7 +2143,7 @@ impl SdoWriteRequest {
     }
 }
 
-/// The program that follows targets, put as `StreamTargets` on `in/{client}/{program}`; its axes in order.
+/// The program that follows targets, sent as `StreamTargets` on `in/{client}/{program}`; its axes in order.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ServoReply {
     pub program: String,
@@ -2159,34 +2157,34 @@ pub struct ServoRequest {
     pub axes: Option<Vec<u64>>,
     /// for people.
     pub name: String,
-    /// by axis number as text the least position that targets lead to \[mm or deg\]; with `high` or not at
-    /// all. A machine with bodies or zones needs both: where these would not stay clear everywhere between,
+    /// lowest position that targets may command, by axis number as text \[mm or deg\]; only together with
+    /// `high`. A machine with bodies or zones needs both: if these would not stay clear everywhere between,
     /// the program ends as faulted and nothing moves.
     pub low: Option<BTreeMap<String, f64>>,
-    /// by axis number as text the greatest position that targets lead to \[mm or deg\].
+    /// highest position that targets may command, by axis number as text \[mm or deg\].
     pub high: Option<BTreeMap<String, f64>>,
 }
 
 /// The targets of a program in servo mode, counted since it was opened.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ServoStatus {
-    /// messages that count.
+    /// messages accepted.
     pub taken: u64,
-    /// numbers that never came, or came behind later ones.
+    /// numbers that never came, or came after later ones.
     pub lost: u64,
-    /// came later than they count for.
+    /// came after their validity.
     pub late: u64,
-    /// of the newest number, or a lower one.
+    /// repeated the newest number, or had a lower one.
     pub doubled: u64,
-    /// of the newest number, or a lower one.
+    /// repeated the newest number, or had a lower one.
     pub reordered: u64,
-    /// too far from the point before, and not confirmed by the next one.
+    /// too far from the previous point, and not confirmed by the next one.
     pub jumped: u64,
-    /// not finite, not of the program's axes, or a pose that the tool cannot be led to.
+    /// not finite, not of the program's axes, or a pose that the tool cannot reach.
     pub refused: u64,
     /// of those taken, beyond an axis's travel.
     pub clipped: u64,
-    /// of those taken, faster for a tool than its axes go.
+    /// of those taken, faster than a tool's axes can go.
     pub slowed: u64,
     /// between messages, by the sender's clock.
     pub interval_s: f64,
@@ -2194,7 +2192,7 @@ pub struct ServoStatus {
     pub age_s: f64,
 }
 
-/// Sets a simulated input by its name, as `SetOutputRequest`; its script ends.
+/// Sets a simulated input by its name, like `SetOutputRequest`; its script ends.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SetInputRequest {
     pub input: String,
@@ -2237,18 +2235,18 @@ pub struct SetReply {
     pub value: f64,
 }
 
-/// Names a row of the tables, or says how long a tool may cut; what is nil stays.
+/// Names a row of the tables, or sets how long a tool may cut; what is nil stays.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SetTableRowRequest {
     /// `G54` to `G59.3`, or `T3`.
     pub row: String,
-    /// for people; empty takes it away.
+    /// for people; empty removes it.
     pub name: Option<String>,
-    /// for how long the tool may cut; 0: there is no limit.
+    /// how long the tool may cut; 0: no limit.
     pub life_min: Option<f64>,
-    /// for how long it has cut, 0 when a new one is fitted.
+    /// how long it has cut, 0 when a new one is fitted.
     pub used_min: Option<f64>,
-    /// the person, where a client serves several.
+    /// the person, if a client serves several.
     pub by: String,
 }
 
@@ -2286,13 +2284,13 @@ pub struct SimulateReply {
     /// their values at the end, by name.
     #[serde(default)]
     pub outputs: BTreeMap<String, f64>,
-    /// where it was asked for.
+    /// if it was requested.
     #[serde(default)]
     pub path: Option<SimulatedPath>,
     /// of a machine that names bodies.
     #[serde(default)]
     pub clearance: Option<ClearanceReport>,
-    /// what those of the request come to, in their order.
+    /// results of those of the request, in their order.
     #[serde(default)]
     pub assertions: Vec<Judged>,
     /// to the motion of `against`.
@@ -2304,9 +2302,9 @@ pub struct SimulateReply {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SimulateRequest {
     pub text: String,
-    /// start the axes there \[mm, deg\]; none: where the machine file lets simulated drives start.
+    /// start the axes there \[mm, deg\]; none: where the machine file starts simulated drives.
     pub positions: Option<BTreeMap<String, f64>>,
-    /// the reply's `path` has so many points at most; 0: no path.
+    /// maximum number of points in the reply's `path`; 0: no path.
     pub path_points: u64,
     /// whether the reply has the times of every line.
     pub lines: bool,
@@ -2314,8 +2312,8 @@ pub struct SimulateRequest {
     pub assertions: Vec<Assertion>,
     /// another program's text, from the same start: the reply has the `difference` to its motion.
     pub against: Option<String>,
-    /// whose run it is to be: `agent`, one that a person approves, or `operator`, any other; zones of the
-    /// other do not count. none: all zones do.
+    /// whose run it is: `agent`, one that a person approves, or `operator`, any other; zones of the other
+    /// role do not count. none: all zones count.
     pub role: Option<RunRole>,
     /// as of `OpenRequest`.
     pub block_delete: Option<bool>,
@@ -2341,7 +2339,7 @@ impl SimulateRequest {
     }
 }
 
-/// Points at even distances along the axes' travel.
+/// Points at equal distances along the axes' travel.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SimulatedPath {
     /// the program's line at each point.
@@ -2354,7 +2352,7 @@ pub struct SimulatedPath {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StatusRequest {}
 
-/// The next line of a program in single line mode.
+/// Starts the next line of a program in single-line mode.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StepRequest {
     pub program: String,
@@ -2370,7 +2368,7 @@ impl StepRequest {
     }
 }
 
-/// Cumulative: lines through `accepted` are taken, through `done` have ended; `credit` more fit.
+/// Cumulative: lines through `accepted` are accepted, through `done` have ended; `credit` more fit.
 /// `rejections`: how many the program has had.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SubmitReply {
@@ -2383,8 +2381,8 @@ pub struct SubmitReply {
 }
 
 /// Lines `first`, `first + 1`, …; without `judge` the reply does not wait for the verdict. `rejections`: how
-/// many the client has heard of; lines of before a rejection are refused. none: not said, they are taken for
-/// lines of now.
+/// many the client knows of; lines from before a rejection are refused. none: unknown, the lines are taken as
+/// current.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SubmitRequest {
     pub program: String,
@@ -2449,12 +2447,12 @@ pub struct TableChange {
     pub called: String,
 }
 
-/// What programs start with, and who changed it.
+/// The tables that programs start with, and who changed them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Tables {
     /// systems that were set; the others read zero at the machine's zero.
     pub offsets: Vec<WorkOffset>,
-    /// whether the machine's programs have one: G43 and G10 L1 exist.
+    /// whether the machine's programs have one, with G43 and G10 L1.
     pub tool_table: bool,
     /// in the order of their numbers.
     pub tools: Vec<ToolRow>,
@@ -2469,7 +2467,7 @@ pub struct Tables {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TablesRequest {}
 
-/// How to read `tele/batch`: its columns, its fields and how many cycles a message holds at most.
+/// How to read `tele/batch`: its columns, its fields and the maximum of cycles in a message.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TelemetryInfo {
     pub axes: Vec<u64>,
@@ -2519,7 +2517,7 @@ pub struct ToolInfo {
     pub axes: Vec<u64>,
     pub orientation: bool,
     pub euler: String,
-    /// the frame in which its poses are; empty: the base.
+    /// the frame of its poses; empty: the base.
     #[serde(default)]
     pub work: String,
 }
@@ -2528,29 +2526,29 @@ pub struct ToolInfo {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ToolJogReply {
     pub program: String,
-    /// which joint ends the way, and why, for people; empty: nothing within the tool's reach, or the jog was
-    /// kept alive.
+    /// which joint ends the motion, and why, for people; empty: nothing within the tool's reach, or the jog
+    /// was kept alive.
     #[serde(default)]
     pub obstacle: String,
 }
 
-/// Moves a tool's tip straight on, by all its joints, until it is stopped or cannot go on.
+/// Moves a tool's tip in a straight line, by all its joints, until it is stopped or cannot continue.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ToolJogRequest {
     /// number of the machine file.
     pub tool: u64,
-    /// X Y Z to go along that axis of `frame`, A B C to turn about it with the tip at rest.
+    /// X Y Z to move along that axis of `frame`, A B C to turn about it with the tip at rest.
     pub word: ToolDirection,
-    /// of the tip \[mm/s\], of a turn \[deg/s\], signed. Near a singular position, and where a joint has
-    /// less, it goes slower.
+    /// of the tip \[mm/s\], of a turn \[deg/s\], signed. Near a singular position, and where a joint's limit
+    /// is lower, it is slower.
     pub velocity: f64,
     /// the base, or the tool itself.
     pub frame: ToolFrame,
-    /// dead man's time, as of `jog` (default 0.5 s).
+    /// dead-man timeout, as in `jog` (default 0.5 s).
     pub hold_s: Option<f64>,
-    /// id of the jog under way that this request keeps alive.
+    /// id of the running jog that this request keeps alive.
     pub program: Option<String>,
-    /// the person, where a client serves several.
+    /// the person, if a client serves several.
     pub by: String,
 }
 
@@ -2591,15 +2589,15 @@ pub struct ToolRow {
     pub number: u64,
     pub length: f64,
     pub diameter: f64,
-    /// by G10 L1, not as the machine file has it.
+    /// by G10 L1, so that it differs from the machine file.
     #[serde(default)]
     pub changed: bool,
     #[serde(default)]
     pub name: String,
-    /// for how long it may cut; 0: nobody has said.
+    /// how long it may cut; 0: not set.
     #[serde(default)]
     pub life_min: f64,
-    /// it has cut, counted in G01 to G03 while its spindle turns.
+    /// how long it has cut, counted in G01 to G03 while its spindle turns.
     #[serde(default)]
     pub used_min: f64,
 }
@@ -2671,7 +2669,7 @@ fn diagnostic_severity() -> Severity {
     Severity::Error
 }
 
-/// Takes a request back; only the user who asked may.
+/// Withdraws a request; only the user who made it may.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WithdrawRequest {
     /// of the text, or at least its first 8 digits.
@@ -2693,10 +2691,10 @@ impl WithdrawRequest {
 pub struct WorkOffset {
     /// such as `G54`.
     pub system: String,
-    /// where the axes read zero, by number \[mm, deg\]; an axis that is left out reads as the machine does.
+    /// where the axes read zero, by number \[mm, deg\]; an axis that is omitted reads as the machine does.
     pub origin: BTreeMap<String, f64>,
-    /// by which X and Y are turned about Z there, counter-clockwise (G10 L2 R) \[deg\]: an axis alone does
-    /// not tell what they read then.
+    /// angle by which X and Y are turned about Z, counter-clockwise (G10 L2 R) \[deg\]: a single axis does
+    /// not determine what they read then.
     #[serde(default)]
     pub rotation: f64,
 }
@@ -2711,17 +2709,17 @@ pub struct WriteMachineFileReply {
     pub diagnostics: Vec<Diagnostic>,
 }
 
-/// Checks a text as `mcserver machine check` does, and writes it where it has no error. The server goes on by
-/// the old one until it is restarted.
+/// Checks a text as `mcserver machine check` does, and writes it if it has no error. The server continues
+/// with the old one until it is restarted.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WriteMachineFileRequest {
     /// all of the new file.
     pub text: String,
-    /// of the text that was changed, as `machine_file` gave it.
+    /// of the text that was edited, as `machine_file` returned it.
     pub sha256: String,
     /// nothing is written.
     pub only_check: bool,
-    /// the person, where a client serves several.
+    /// the person, if a client serves several.
     pub by: String,
 }
 

@@ -217,19 +217,19 @@ public final class Messages {
     }
 
     /**
-     * Payload of `ack/{program}`: cumulative, so that a lost one does not matter.
-     * @param accepted lines through this number are taken and journaled.
-     * @param done this line and every one before it have ended: their setpoints have been passed, and behind an
-     *     exact stop the axes are in position. Between exact stops an axis may be behind by its following error,
-     *     at most `max_following_error`: to ask for more would make a stop of each line.
+     * Payload of `ack/{program}`: cumulative, so a lost one does not matter.
+     * @param accepted lines through this number are accepted and journaled.
+     * @param done this line and every one before it have ended: their setpoints have been passed, and after an
+     *     exact stop the axes are in position. Between exact stops an axis may lag by its following error, at most
+     *     `max_following_error`: a stricter condition would make each line a stop.
      * @param credit how many lines after `accepted` fit now.
      * @param state the program's.
      * @param rejected number of the line that was found faulty; it is the next one expected. 0: none.
      * @param diagnostics what is wrong with it.
      * @param fault what stopped the program.
-     * @param expected set where the message acknowledged held a gap: the number that is expected.
+     * @param expected the line number expected, set if the acknowledged message left a gap.
      * @param rejections how many lines of the program have been rejected so far. An acknowledgement with a smaller
-     *     count than one before is older: its numbers are of lines that are given up.
+     *     count than an earlier one is older: its numbers are of lines that were discarded.
      * @param reason why it was aborted: by whom, or a code; empty in programs of an earlier start of the server.
      */
     public record Ack(
@@ -245,11 +245,11 @@ public final class Messages {
      * @param sha256 of the text, or at least its first 8 digits.
      * @param seconds how long it may be started.
      * @param override the greatest feed override [%].
-     * @param number of the request that was looked at: one that was made anew since is not armed; null: any.
-     * @param standingS for so long whatever else the same client asks for, and stays inside of the envelope of
-     *     this run, is armed as it is asked for; 0: only this run, once.
-     * @param servo as long it may stream targets, too, inside of the extents, speeds and duration of this run
-     *     (`servo_armed`); no simulation shows these beforehand.
+     * @param number of the request that was reviewed: one that was repeated since is not armed; null: any.
+     * @param standingS for this time every other run that the same client requests, and that stays inside the
+     *     envelope of this run, is armed at its request; 0: only this run, once.
+     * @param servo for the same time it may also stream targets, inside the extents, speeds and duration of this
+     *     run (`servo_armed`); no simulation shows these beforehand.
      */
     public record ArmRequest(
             String sha256, double seconds, double override, Long number, double standingS, boolean servo) {
@@ -292,9 +292,9 @@ public final class Messages {
 
     /**
      * All axes, column-wise: every list has one entry for each of `index`.
-     * @param homed whether the axis knows where it is; axes without `[axis.homing]` always do.
-     * @param skew of second drives of gantry pairs by how much they are further than their leaders [mm, deg]; of
-     *     other axes 0. Empty on a machine without pairs.
+     * @param homed whether the axis knows its position; axes without `[axis.homing]` always do.
+     * @param skew how much the second drive of a gantry pair is further than its leader [mm, deg]; 0 for other
+     *     axes. Empty on a machine without pairs.
      * @param silent whether the axis's drive does not answer: its position, velocity and torque are old. Empty
      *     while all answer.
      */
@@ -318,8 +318,8 @@ public final class Messages {
 
     /**
      * One axis; limits in mm or deg and seconds, null where not limited. `homing`: how it finds its reference;
-     * null: its encoder's reading is its position. `letter`: a further one by which programs of the machine's
-     * profile name it, such as `E`; empty: none. `spindle`: M3, M4, M5 and S turn it.
+     * null: its encoder's reading is its position. `letter`: an additional letter by which programs of the
+     * machine's profile name it, such as `E`; empty: none. `spindle`: M3, M4, M5 and S turn it.
      */
     public record AxisInfo(
             long index, AxisKind type, AxisUnit unit, double maxVelocity, double maxAcceleration, String drive, @Sparse
@@ -370,8 +370,8 @@ public final class Messages {
     /**
      * A program of the machine file, or a probing cycle, that people start from a page.
      * @param text lines of G-code; `{name}` is the place of an argument.
-     * @param role the least that may press it, `operator` or `engineer`.
-     * @param confirm what has to be confirmed before it runs; empty: nothing.
+     * @param role the lowest role that may press it, `operator` or `engineer`.
+     * @param confirm what must be confirmed before it runs; empty: nothing.
      * @param group the heading under which pages show it.
      */
     public record ButtonInfo(
@@ -382,7 +382,7 @@ public final class Messages {
 
     /**
      * Every fault of a program's text; nothing runs.
-     * @param text the whole of it; or sha256: of one that was handed over by `put_text`.
+     * @param text the whole text; or sha256: of one that was uploaded by `put_text`.
      * @param positions start the axes there [mm, deg].
      * @param blockDelete as of `OpenRequest`.
      * @param optionalStop as of `OpenRequest`.
@@ -417,7 +417,7 @@ public final class Messages {
 
     /**
      * The least distances of a run's bodies.
-     * @param leastMm null where all stayed more than 50 mm above the margin apart.
+     * @param leastMm null if all stayed apart by more than the margin plus 50 mm.
      * @param pairs that came nearer, the nearest first, 20 at most.
      * @param assumedOn zones that an input switches, which count as on.
      */
@@ -428,8 +428,8 @@ public final class Messages {
     public record CloseReply(String program, long accepted, long done, ProgramState state) {}
 
     /**
-     * No more lines will come; what is there runs to its end. `last`: the last line that was sent; the program is
-     * only closed if it has been accepted.
+     * No more lines will come; the accepted lines run to their end. `last`: the last line that was sent; the
+     * program is only closed if it has been accepted.
      */
     public record CloseRequest(String program, Long last) {
         /** All that may be left out as the server has it. */
@@ -443,25 +443,25 @@ public final class Messages {
     }
 
     /**
-     * How a program would go on.
+     * How a program would continue.
      * @param program its id, empty for a text.
      * @param name as it ended; lines through `done` are certain.
      * @param state as it ended; lines through `done` are certain.
      * @param done as it ended; lines through `done` are certain.
      * @param accepted as it ended; lines through `done` are certain.
-     * @param whole its text is known to its end, so that nothing has to be sent.
+     * @param whole its text is known to its end, so nothing must be sent.
      * @param sha256 of its whole text.
      * @param line the first that would run.
-     * @param first of the text about that line.
-     * @param lines of the text about that line.
+     * @param first of the text around that line.
+     * @param lines of the text around that line.
      * @param modal codes in force there.
      * @param energize axes that are energized first.
      * @param axes where each is, and where the program has it there.
      * @param way the moves that bring them there, in order.
-     * @param switched what the program had switched otherwise than it is now.
-     * @param needs what stands in the way; one that has `confirm` passes with that field of the request.
-     * @param blockDelete what it goes on with.
-     * @param optionalStop what it goes on with.
+     * @param switched what the program had switched differently from now.
+     * @param needs what prevents it; one that has `confirm` is met by that field of the request.
+     * @param blockDelete the settings that it continues with.
+     * @param optionalStop the settings that it continues with.
      */
     public record Continuation(
             String program, String name, @Nil ProgramState state, long done, long accepted, boolean whole, @Nil String
@@ -471,12 +471,12 @@ public final class Messages {
 
     /**
      * What a start in the middle of a program would do; nothing moves.
-     * @param program one that has ended; where others have gone on with it, the last of these is meant.
-     * @param line the first that would run; null: the one behind the last that is done.
+     * @param program one that has ended; if others have continued it, the last of these is meant.
+     * @param line the first that would run; null: the one after the last that is done.
      * @param before lines 1 … line - 1 of a text, instead of `program`.
      * @param axes of it; null: all of the machine.
-     * @param blockDelete of the text, as of `OpenRequest`; a program keeps what it had.
-     * @param optionalStop of the text, as of `OpenRequest`; a program keeps what it had.
+     * @param blockDelete of the text, as in `OpenRequest`; a program keeps its settings.
+     * @param optionalStop of the text, as in `OpenRequest`; a program keeps its settings.
      */
     public record ContinuationRequest(
             String program, Long line, List<String> before, List<Long> axes, Boolean blockDelete, Boolean optionalStop) {
@@ -511,23 +511,23 @@ public final class Messages {
     }
 
     /**
-     * The program that goes on, as `OpenReply`.
+     * The program that continues, like `OpenReply`.
      * @param line the first that runs.
-     * @param resumeOf the program that it goes on with.
-     * @param whole all of its lines are there; else the client sends those from `expected` on.
+     * @param resumeOf the program that it continues.
+     * @param whole the server has all of its lines; otherwise the client sends those from `expected` on.
      */
     public record ContinueReply(
             String program, ProgramState state, List<Long> axes, long expected, long credit, String instance, long line,
             String resumeOf, boolean whole) {}
 
     /**
-     * Goes on with a program that has ended.
+     * Continues a program that has ended.
      * @param program as in `ContinuationRequest`.
      * @param line as in `ContinuationRequest`.
-     * @param way axes may go the way that `continuation` shows, where the machine file names no safe one.
-     * @param outputs set what the program had switched, or leave it as it is; null: nothing was said.
-     * @param onDisconnect as of `OpenRequest`.
-     * @param graceS as of `OpenRequest`.
+     * @param way axes may move as `continuation` shows, if the machine file names no safe way.
+     * @param outputs set what the program had switched, or leave it as it is; null: not specified.
+     * @param onDisconnect as in `OpenRequest`.
+     * @param graceS as in `OpenRequest`.
      * @param hold begin held.
      */
     public record ContinueRequest(
@@ -575,13 +575,13 @@ public final class Messages {
     /**
      * How slow the disk under the journal is.
      * @param since Unix time from which on it is slow [s].
-     * @param commitS for how long what is to be said has waited for the journal's commit [s].
-     * @param syncS how long the sync under way has taken [s]; a power cut loses what was committed in that time.
+     * @param commitS how long messages have waited for the journal's commit [s].
+     * @param syncS how long the current sync has taken [s]; a power cut loses what was committed in that time.
      * @param worstS the longest of these since then [s].
      */
     public record DiskStatus(double since, double commitS, double syncS, double worstS) {}
 
-    /** Reply of methods that only do something: the programs concerned. */
+    /** Reply of methods that return no data: the programs concerned. */
     public record Done(List<String> programs) {}
 
     /**
@@ -627,9 +627,9 @@ public final class Messages {
 
     /**
      * Every mapped object of an axis's drive in each cycle.
-     * @param seconds that are kept.
+     * @param seconds time kept.
      * @param trigger such as `following error &gt; 0.05`; empty: at once.
-     * @param level fires also where the level is met already.
+     * @param level fires also if the level is already met.
      * @param beforeS kept before the trigger; null: a quarter.
      * @param timeoutS how long the trigger may take.
      */
@@ -673,7 +673,7 @@ public final class Messages {
             long axis, long cycles, double cycleS, double beginS, double triggerUnix, long missing, List<ScopeSignal>
             signals) {}
 
-    /** The gains of an axis in mode cst or csv, by the motion of a program; `seconds`: looked at. */
+    /** The gains of an axis in mode cst or csv, by the motion of a program; `seconds`: time observed. */
     public record DriveTuneRequest(long axis, double seconds) {
         /** All that may be left out as the server has it. */
         public DriveTuneRequest(long axis) {
@@ -704,7 +704,7 @@ public final class Messages {
     /** By bus. */
     public record DrivesHealthReply(List<BusHealth> buses) {}
 
-    /** How the buses are; `seconds`: for which they are listened to, all together. */
+    /** Health of the buses; `seconds`: how long to listen to them, all together. */
     public record DrivesHealthRequest(double seconds) {
         /** All that may be left out as the server has it. */
         public DrivesHealthRequest() {
@@ -712,7 +712,7 @@ public final class Messages {
         }
     }
 
-    /** By axis; empty where no drive is on a bus. */
+    /** By axis; empty if no drive is on a bus. */
     public record DrivesReply(List<DriveInfo> drives) {}
 
     /** Every drive on a bus. */
@@ -721,7 +721,7 @@ public final class Messages {
     /** By bus; each with a machine file to start from. */
     public record DrivesScanReply(List<BusScan> buses) {}
 
-    /** Asks who is on a bus: every node number of CAN, every drive of EtherCAT; `bus` empty: on all. */
+    /** Scans a bus: every node number of CAN, every drive of EtherCAT; `bus` empty: all buses. */
     public record DrivesScanRequest(String bus) {
         /** All that may be left out as the server has it. */
         public DrivesScanRequest() {
@@ -740,7 +740,7 @@ public final class Messages {
     /**
      * Payload of every `reply_err`.
      * @param details what the code's entry in docs/wire/errors.md lists, such as `expected`.
-     * @param diagnostics faults of G-code, where the error is about lines.
+     * @param diagnostics faults of G-code, if the error concerns lines.
      */
     public record ErrorReply(
             String code, String message, @Sparse String hint, @Sparse Map<String, Object> details, @Sparse
@@ -749,7 +749,7 @@ public final class Messages {
     /**
      * Emergency stop by rpc, and payload of the key `estop` (where it may be empty).
      * @param reason for people.
-     * @param client on the key `estop`, who stops, as it says itself; a call has it in its key.
+     * @param client on the key `estop`, who stops, by its own account; a call has it in its key.
      */
     public record EstopRequest(String reason, String client) {
         /** All that may be left out as the server has it. */
@@ -769,7 +769,7 @@ public final class Messages {
     /**
      * Payload of `event`; `seq` has no gap within one `instance`. Times `t` of two instances cannot be compared.
      * @param t executor time [s].
-     * @param kind says which of the others are set (docs/wire/events.md).
+     * @param kind determines which of the others are set (docs/wire/events.md).
      * @param line the last line started for `lines.started`; the line of a fault.
      * @param lines for `lines.ended`.
      * @param reason why a program ended, an emergency stop's reason, a warning's code, a drive's or bus's code.
@@ -783,10 +783,10 @@ public final class Messages {
             @Sparse List<Diagnostic> diagnostics, @Sparse String reason, @Sparse String message, @Sparse Double percent,
             @Sparse Long axis, @Sparse ProbeStatus probe, @Sparse double wall) {}
 
-    /** `oldest` is the first number that the server still has; `newest` the last one published. */
+    /** `oldest` is the first number that the server still holds; `newest` the last one published. */
     public record EventsReply(String instance, long oldest, long newest, List<Event> events) {}
 
-    /** Events that the server still has, from number `since` on, oldest first. */
+    /** Events that the server still holds, from number `since` on, oldest first. */
     public record EventsRequest(long since, long limit) {
         /** All that may be left out as the server has it. */
         public EventsRequest() {
@@ -809,7 +809,7 @@ public final class Messages {
     public record Extent(
             long axis, double low, double high, String unit, @Sparse double speed, @Sparse boolean turns) {}
 
-    /** What stopped motion: a stable code, the axis and the line where they apply. */
+    /** What stopped motion: a stable code, and the axis and line if they apply. */
     public record Fault(
             String code, String message, @Sparse String hint, @Sparse Long axis, @Sparse long line, @Sparse("null")
             String program, @Sparse double t) {}
@@ -828,13 +828,13 @@ public final class Messages {
     /**
      * Reply of `info`.
      * @param protocol versions of this key space that the server speaks.
-     * @param instance one start of the server; another one means that programs before it were interrupted.
+     * @param instance one start of the server; a different one means that earlier programs were interrupted.
      * @param epoch Unix time of executor time 0, by the clock as it goes now [s].
-     * @param buttons programs of the machine file that operators start, numbers to be put into their places.
-     * @param group what people find the machine by.
-     * @param tags what people find the machine by.
+     * @param buttons programs of the machine file that operators start, with places for numbers.
+     * @param group by which people find the machine.
+     * @param tags by which people find the machine.
      * @param camera address of a still picture or of MJPEG; empty: none.
-     * @param ordersFrom instruments that may order, such as `opcua`; others only show the machine.
+     * @param ordersFrom instruments that may command, such as `opcua`; others only show the machine.
      */
     public record Info(
             String machine, String server, List<Long> protocol, String instance, double epoch, double cycleS,
@@ -847,8 +847,8 @@ public final class Messages {
 
     /**
      * One input.
-     * @param number of its kind, as M66 names it.
-     * @param source where a real one comes from; empty: it is simulated.
+     * @param number within its kind, as M66 names it.
+     * @param source of a real input; empty: it is simulated.
      * @param hold it can hold the programs, or stop the machine.
      * @param stop it can hold the programs, or stop the machine.
      */
@@ -864,13 +864,14 @@ public final class Messages {
 
     /**
      * Moves one axis by hand.
-     * @param distance from where it is, signed [mm, deg]; null: on until stopped or the limit, sign of `velocity`.
+     * @param distance from where it is, signed [mm, deg]; null: until stopped or the limit, by the sign of
+     *     `velocity`.
      * @param velocity [mm/s, deg/s]; null: a tenth of the axis's limit.
-     * @param holdS dead man's time: the axis stops unless the same jog is asked for again within it; null: no such
-     *     watch. A jog without distance always has one (default 0.5 s).
-     * @param program id of the jog under way that this request keeps alive.
-     * @param by the person, where a client serves several: steps of one person follow each other, those of another
-     *     one are refused (MC512) while the axis moves.
+     * @param holdS dead-man timeout: the axis stops unless the same jog is requested again within it; null: no
+     *     timeout. A jog without distance always has one (default 0.5 s).
+     * @param program id of the running jog that this request keeps alive.
+     * @param by the person, if a client serves several: steps of one person follow each other, those of another
+     *     person are refused (MC512) while the axis moves.
      */
     public record JogRequest(long axis, Double distance, Double velocity, Double holdS, String program, String by) {
         /** All that may be left out as the server has it. */
@@ -914,7 +915,7 @@ public final class Messages {
             Quantity what, String of, @Nil Double least, @Nil Double most, boolean holds, @Nil Double value, double
             timeS, long line) {}
 
-    /** The client goes for good: what it has open ends now as its `on_disconnect` says, without a grace. */
+    /** The client leaves: its open programs end now as their `on_disconnect` says, without a grace time. */
     public record LeaveRequest() {}
 
     /** Bounds of the service. */
@@ -926,7 +927,7 @@ public final class Messages {
      * Time of one line that has ended.
      * @param startS executor time [s].
      * @param endS executor time [s].
-     * @param requestedS null for what asks for no time.
+     * @param requestedS null if the line requests no time.
      * @param stretchedBy actual / requested; null without a requested time.
      * @param boundBy the limit that stretched it, such as `axis 2 acceleration`.
      */
@@ -938,7 +939,7 @@ public final class Messages {
      * @param name of the file, without its folder.
      * @param text as it is on the disk now.
      * @param sha256 of that text.
-     * @param inForce the server runs by this text; else it has changed since the start.
+     * @param inForce the server runs with this text; otherwise it has changed since the start.
      */
     public record MachineFileReply(String name, String text, String sha256, boolean inForce) {}
 
@@ -953,9 +954,9 @@ public final class Messages {
      * @param lateCycles cycles that began too late, since the start.
      * @param inputs those of the machine file, in the order of `info`.
      * @param outputs those of the machine file, in the order of `info`.
-     * @param workOffsets systems that were set, in which the next program starts (G54 is in force then).
+     * @param workOffsets systems that were set, with which the next program starts (G54 is in force then).
      * @param disk how slow the disk under the journal is; null: it keeps up.
-     * @param mounted tools that have bodies and are known to be there.
+     * @param mounted tools that have bodies and are known to be mounted.
      * @param bedMesh mesh in force where G29 probes one: none, that of the machine file, or the probed one; null:
      *     G29 does not probe.
      */
@@ -966,23 +967,23 @@ public final class Messages {
             List<WorkOffset> workOffsets, @Sparse DiskStatus disk, @Sparse List<MountedTool> mounted, @Sparse
             BedMeshState bedMesh) {}
 
-    /** A mesh that the URDF names: `name` as it stands there; `size` in bytes, 0: it is not to be had. */
+    /** A mesh that the URDF names: `name` as written there; `size` in bytes, 0: it is not available. */
     public record MeshInfo(String name, long size) {}
 
     /**
      * A body or zone of `[clearance]`.
      * @param shape `box` (of a zone too), `cylinder`, `capsule`, `sphere`, `mesh` or `cutter`.
-     * @param sizeMm edges of a box, radius and length of what is round.
-     * @param atMm in the frame of what carries it, Rz(C)·Ry(B)·Rx(A).
-     * @param turnedDeg in the frame of what carries it, Rz(C)·Ry(B)·Rx(A).
-     * @param mesh its place in `ModelReply.meshes`; the file is in mm.
+     * @param sizeMm edges of a box, radius and length of a round shape.
+     * @param atMm in the frame of its carrier, Rz(C)·Ry(B)·Rx(A).
+     * @param turnedDeg in the frame of its carrier, Rz(C)·Ry(B)·Rx(A).
+     * @param mesh its index in `ModelReply.meshes`; the file is in mm.
      * @param link of the URDF that carries it.
-     * @param carriedBy axes that do instead
-     * @param directions of them, 0 to 2 for X to Z.
-     * @param opposite against their sense. Neither: it stands.
-     * @param tool that it comes with; null: it is always there.
+     * @param carriedBy axes that carry it instead
+     * @param directions of these, 0 to 2 for X to Z.
+     * @param opposite in their negative direction. Neither: it is fixed.
+     * @param tool with which it is mounted; null: it is always there.
      * @param zone `keep_out`, `keep_in` or `slow`; empty: a body.
-     * @param input name of what switches it on; empty: it is always on.
+     * @param input name of the input that switches it on; empty: it is always on.
      * @param high the input's level then.
      */
     public record ModelBody(
@@ -1014,7 +1015,7 @@ public final class Messages {
      * @param urdf its text; empty: the machine has none.
      * @param digest of the text and the meshes.
      * @param joints the joint that each axis moves, by axis number.
-     * @param meshes of the visuals, and behind them those of bodies, in the order of `ModelMeshRequest.mesh`.
+     * @param meshes of the visuals, followed by those of bodies, in the order of `ModelMeshRequest.mesh`.
      */
     public record ModelReply(
             String urdf, String digest, Map<String, String> joints, List<MeshInfo> meshes, @Sparse List<ModelBody>
@@ -1027,8 +1028,9 @@ public final class Messages {
     public record MonitoredValue(String name, @Nil Object value, @Sparse long index, @Sparse long subindex) {}
 
     /**
-     * A tool that has a body and is mounted, as a program has said.
-     * @param spindle it is the cutter there, with `length` and `diameter` of the tool table [mm]; else both are 0.
+     * A tool that has a body and is mounted, according to a program.
+     * @param spindle it is the cutter in the spindle, with `length` and `diameter` of the tool table [mm];
+     *     otherwise both are 0.
      */
     public record MountedTool(long number, boolean spindle, double length, double diameter) {}
 
@@ -1062,22 +1064,22 @@ public final class Messages {
      * Opens a program.
      * @param name for people: a file's name.
      * @param axes the axes to lease; null: all of the machine.
-     * @param onDisconnect what happens when the client's liveliness token goes, or it calls `leave`.
-     * @param graceS how long the token may be away before that; whoever is back within it goes on.
+     * @param onDisconnect what happens when the client's liveliness token disappears, or it calls `leave`.
+     * @param graceS how long the token may be absent before that; a client that returns in this time continues.
      * @param startLine number of the first line that will run.
-     * @param before lines 1 … start_line - 1. They do not run; the axes go to where they end, energized, in the
-     *     modal state of there.
+     * @param before lines 1 … start_line - 1. They do not run; the axes move to where these lines end, energized,
+     *     in the modal state that they leave.
      * @param resumeOf id of an earlier program; its journaled lines before `start_line` serve as `before`.
-     * @param step single line mode: a line starts only when `step` asks for it.
+     * @param step single-line mode: a line starts only on a `step` call.
      * @param hold begin held; `resume` starts it.
-     * @param sha256 of the whole text; its times, of `simulate` or `put_text`, are those of the program.
-     * @param atPause run now, also on axes of a program that stands at a pause, such as to set zero with a new
-     *     tool; refused (MC512) where it would have to wait. Without it a program waits for the other's end.
+     * @param sha256 of the whole text; its times, from `simulate` or `put_text`, are used for the program.
+     * @param atPause run now, also on axes of a program that is at a pause, such as to set zero with a new tool;
+     *     refused (MC512) if it would have to wait. Without it a program waits for the other's end.
      * @param way of a start in the middle, as in `ContinueRequest`.
      * @param outputs of a start in the middle, as in `ContinueRequest`.
-     * @param blockDelete lines that begin with `/` are skipped, until the program ends; null: they are carried out
-     *     as if it were not there, but `resume_of` keeps what it had (D-98).
-     * @param optionalStop whether M01 pauses; null: it does, but `resume_of` keeps what it had.
+     * @param blockDelete lines that begin with `/` are skipped, until the program ends; null: they are executed as
+     *     if it were not there, but `resume_of` keeps its setting (D-98).
+     * @param optionalStop whether M01 pauses; null: it does, but `resume_of` keeps its setting.
      */
     public record OpenRequest(
             String name, List<Long> axes, OnDisconnect onDisconnect, double graceS, long startLine, List<String> before,
@@ -1151,23 +1153,23 @@ public final class Messages {
 
     /**
      * One output.
-     * @param number of its kind, as M62 to M68 name it.
-     * @param target where a real one goes; empty: it is simulated.
+     * @param number within its kind, as M62 to M68 name it.
+     * @param target of a real output; empty: it is simulated.
      * @param min least and greatest value.
      * @param max least and greatest value.
-     * @param safe its value once what has set it is lost; null: it stays.
+     * @param safe its value once its setter is lost; null: it stays.
      */
     public record OutputInfo(
             String name, long number, ChannelKind kind, @Sparse String unit, @Sparse String target, @Sparse double min,
             @Sparse("1") double max, @Sparse Double safe) {}
 
-    /** An output: its value (digital: 0, 1), and who has set it last: a program's id, `operator` or nobody (empty). */
+    /** An output: its value (digital: 0, 1), and who set it last: a program's id, `operator` or nobody (empty). */
     public record OutputStatus(String name, double value, @Sparse String setBy) {}
 
     /** The override now in force [%]. */
     public record OverrideReply(double percent, List<String> programs) {}
 
-    /** Feed override of one program or of all, those to come included; 100 is as programmed. */
+    /** Feed override of one program or of all, including future ones; 100 is as programmed. */
     public record OverrideRequest(double percent, String program) {
         /** All that may be left out as the server has it. */
         public OverrideRequest(double percent) {
@@ -1196,8 +1198,8 @@ public final class Messages {
     /**
      * The last probing move that has ended (G38.2 to G38.5).
      * @param tripped the probe changed.
-     * @param positions where the axes were then, else where the move ended, by number [mm, deg]: positions of
-     *     axes, whatever offsets the program had.
+     * @param positions where the axes were then, else where the move ended, by number [mm, deg]: machine
+     *     positions, independent of the program's offsets.
      * @param t executor time [s].
      */
     public record ProbeStatus(String program, long line, boolean tripped, Map<String, Double> positions, double t) {}
@@ -1212,27 +1214,26 @@ public final class Messages {
 
     /**
      * One program.
-     * @param line the line under way, at a pause the one that asks for it; 0: none yet.
-     * @param progress share of its time that has passed, 0 … 1; where `duration_s` is not known, of its lines.
+     * @param line the line being run, at a pause the one that asks for it; 0: none yet.
+     * @param progress share of its time that has passed, 0 … 1; if `duration_s` is unknown, of its lines.
      * @param openedAt Unix time [s].
-     * @param etaS until its end at its override [s]; where `duration_s` is not known, until the end of what is
-     *     planned.
+     * @param etaS until its end at its override [s]; if `duration_s` is unknown, until the end of what is planned.
      * @param endedAt Unix time [s].
-     * @param durationS of the whole program at 100 %, as its text was simulated [s]; null: it was not.
-     * @param notice what it said last to the operator; while it is paused, what to do before it is resumed.
-     * @param simulated share of its lines that the simulation has reached; below 1 `duration_s` is an estimate by
-     *     the lines so far.
-     * @param pauses how many of its lines to come wait for an operator, as far as simulated; `eta_s` is without
+     * @param durationS of the whole program at 100 %, as its text was simulated [s]; null: not simulated.
+     * @param notice its last message to the operator; while it is paused, what to do before it is resumed.
+     * @param simulated share of its lines that the simulation has reached; below 1 `duration_s` is an estimate
+     *     from the lines so far.
+     * @param pauses how many of its remaining lines wait for an operator, as far as simulated; `eta_s` excludes
      *     these waits.
-     * @param waitsFor the input that M66, or a code of `[dialect.waits]`, waits for, those that hold it
-     *     (docs/io.md), or the program that is waited for to leave (docs/clearance.md); empty: for none.
+     * @param waitsFor the input that M66, or a code of `[dialect.waits]`, waits for, the inputs that hold it
+     *     (docs/io.md), or the program that must leave first (docs/clearance.md); empty: none.
      * @param rejections as in `Ack`; 0 in programs of an earlier start of the server.
-     * @param servo of a program in servo mode; null: it is none.
+     * @param servo of a program in servo mode; null: it is not in servo mode.
      * @param reason as in `Ack`.
-     * @param blockDelete as of `OpenRequest`; null: of a program of an earlier start of the server (`continuation`
-     *     tells them).
-     * @param optionalStop as of `OpenRequest`; null: of a program of an earlier start of the server
-     *     (`continuation` tells them).
+     * @param blockDelete as in `OpenRequest`; null: a program of an earlier start of the server (`continuation`
+     *     reports them).
+     * @param optionalStop as in `OpenRequest`; null: a program of an earlier start of the server (`continuation`
+     *     reports them).
      */
     public record ProgramStatus(
             String program, ProgramState state, String client, String name, List<Long> axes, long startLine, long line,
@@ -1270,10 +1271,10 @@ public final class Messages {
     }
 
     /**
-     * How much of the text is there: the next part begins at `received`.
+     * How much of the text has arrived: the next part begins at `received`.
      * @param received of the text [bytes].
-     * @param lines in what is there.
-     * @param complete all of it is.
+     * @param lines in this part of it.
+     * @param complete all of it has arrived.
      */
     public record PutTextReply(long received, long lines, boolean complete) {}
 
@@ -1282,14 +1283,14 @@ public final class Messages {
      * @param sha256 of the whole text in UTF-8.
      * @param size of the whole text [bytes].
      * @param offset where the part begins [bytes].
-     * @param part its bytes; characters may be cut.
+     * @param part its bytes; characters may be split.
      */
     public record PutTextRequest(String sha256, long size, long offset, byte[] part) {}
 
     /** The recording's name. */
     public record RecordReply(String name) {}
 
-    /** Writes out the black box, the last minutes. `reason` stands in the file and in its name. */
+    /** Saves the black box, the last minutes. `reason` is in the file and in its name. */
     public record RecordSaveRequest(String reason) {
         /** All that may be left out as the server has it. */
         public RecordSaveRequest() {
@@ -1300,7 +1301,7 @@ public final class Messages {
     /**
      * Records every cycle into a file on the server from now on.
      * @param name of the recording; empty: the time.
-     * @param maxS when it ends by itself; null: when it is stopped.
+     * @param maxS when it ends by itself; null: only when it is stopped.
      */
     public record RecordStartRequest(String name, Double maxS) {
         /** All that may be left out as the server has it. */
@@ -1317,7 +1318,7 @@ public final class Messages {
         }
     }
 
-    /** Ends a recording; without a name the only one. The reply comes once the file is whole. */
+    /** Ends a recording; without a name the only one. The reply comes once the file is complete. */
     public record RecordStopRequest(String name) {
         /** All that may be left out as the server has it. */
         public RecordStopRequest() {
@@ -1347,7 +1348,7 @@ public final class Messages {
     /** Bytes of a recording from `offset` on; `size` is the whole file's. */
     public record RecordingPart(String name, long offset, long size, byte[] data) {}
 
-    /** Part of a recording's file, for taking it over piece by piece; answered with a `RecordingPart`. */
+    /** Part of a recording's file, for a download in parts; answered with a `RecordingPart`. */
     public record RecordingReadRequest(String name, long offset, long size) {
         /** All that may be left out as the server has it. */
         public RecordingReadRequest(String name) {
@@ -1363,19 +1364,19 @@ public final class Messages {
         }
     }
 
-    /** The newest first; `recorder` null: it does not run. `folder`: on the server's disk. */
+    /** The newest first; `recorder` null: it is not running. `folder`: on the server's disk. */
     public record RecordingsReply(List<RecordingInfo> recordings, @Nil RecorderStatus recorder, String folder) {}
 
-    /** The recordings that are there. */
+    /** Lists the recordings. */
     public record RecordingsRequest() {}
 
-    /** Says where axes are, by number as text [mm, deg]; nothing moves. */
+    /** Sets the positions of axes, by number as text [mm, deg]; nothing moves. */
     public record ReferenceRequest(Map<String, Double> positions) {}
 
     /**
-     * Says no to a run; who asked for it is shown the reason. An approval for a while that was given with it ends.
+     * Rejects a run; its client is shown the reason. An approval for a time that was given with it ends.
      * @param sha256 of the text, or at least its first 8 digits.
-     * @param number as of `ArmRequest`.
+     * @param number as in `ArmRequest`.
      */
     public record RejectRequest(String sha256, String reason, Long number) {
         /** All that may be left out as the server has it. */
@@ -1392,7 +1393,7 @@ public final class Messages {
         }
     }
 
-    /** Clears a latched fault or emergency stop; axes stay without energy until captured (G1010). */
+    /** Clears a latched fault or emergency stop; axes stay de-energized until captured (G1010). */
     public record ResetRequest(List<Long> axes) {
         /** All that may be left out as the server has it. */
         public ResetRequest() {
@@ -1400,15 +1401,15 @@ public final class Messages {
         }
     }
 
-    /** Runs whose envelope was approved for a while (`standing_s`), each with `remaining_s` of it. */
+    /** Runs whose envelope was approved for a time (`standing_s`), each with its `remaining_s`. */
     public record RunApprovalsRequest() {}
 
     /** The program that was started. */
     public record RunArmedReply(String program, double override) {}
 
     /**
-     * Starts an armed program; the text is that of the request, to the last character.
-     * @param graceS as of `OpenRequest`.
+     * Starts an armed program; the text is exactly that of the request.
+     * @param graceS as in `OpenRequest`.
      */
     public record RunArmedRequest(String text, double graceS) {
         /** All that may be left out as the server has it. */
@@ -1431,7 +1432,7 @@ public final class Messages {
 
     /**
      * A request with its text and the path of its simulation.
-     * @param certifiable what `mcserver certify` signs of it, as JSON: all that its simulation began from, and a
+     * @param certifiable what `mcserver certify` signs of it, as JSON: the initial state of its simulation, and a
      *     digest of its setpoints.
      * @param warnings of its check and simulation, the first ones
      * @param unshownWarnings how many more there were.
@@ -1441,7 +1442,7 @@ public final class Messages {
             @Sparse long unshownWarnings) {}
 
     /**
-     * What an operator looks at before arming: the text and its simulated path.
+     * What an operator reviews before arming: the text and its simulated path.
      * @param sha256 of the text, or at least its first 8 digits.
      */
     public record RunPreviewRequest(String sha256) {}
@@ -1450,13 +1451,13 @@ public final class Messages {
     public record RunRequestReply(boolean ok, List<Diagnostic> diagnostics, @Sparse RunRequestStatus run) {}
 
     /**
-     * Asks for a run of a text. It is checked and simulated, and moves nothing.
+     * Requests a run of a text. It is checked and simulated, and moves nothing.
      * @param text the program.
      * @param name for people.
-     * @param axes the only axes that it may move; null: those that the text names.
-     * @param certificate a file of `mcserver certify` for this very run, which arms it; null: a person has to.
-     * @param blockDelete as of `OpenRequest`, and part of what is approved; a certificate has its own.
-     * @param optionalStop as of `OpenRequest`, and part of what is approved; a certificate has its own.
+     * @param axes the only axes that it may move; null: those named in the text.
+     * @param certificate a file of `mcserver certify` for exactly this run, which arms it; null: a person must.
+     * @param blockDelete as in `OpenRequest`, and part of what is approved; a certificate has its own.
+     * @param optionalStop as in `OpenRequest`, and part of what is approved; a certificate has its own.
      */
     public record RunRequestRequest(
             String text, String name, List<Long> axes, String certificate, Boolean blockDelete, Boolean optionalStop) {
@@ -1489,17 +1490,17 @@ public final class Messages {
     /**
      * A request: what would move, how far, how long; `remaining_s` until it or its arming is over.
      * @param operator who armed or rejected it.
-     * @param blockDelete what the run has of them, as of `OpenRequest`.
-     * @param optionalStop what the run has of them, as of `OpenRequest`.
-     * @param number another one each time that the run is asked for, even with the same text.
+     * @param blockDelete those of the run, as in `OpenRequest`.
+     * @param optionalStop those of the run, as in `OpenRequest`.
+     * @param number a new one each time that the run is requested, even with the same text.
      * @param reason why it was rejected.
-     * @param effects what the run leaves changed for those that come after it, a sentence each.
+     * @param effects what the run leaves changed for later runs, a sentence each.
      * @param tools extents of the tools' tips.
-     * @param digest SHA-256 of all that the simulation read.
-     * @param changed what of that is no longer as it was, a sentence each; while there is any it cannot start.
-     * @param approval hash of the approval for a while that has armed it, inside of whose envelope it stays.
-     * @param beyond what of it is outside of the one that its client has, a sentence each.
-     * @param servo it is approved for a while, for streamed targets, too.
+     * @param digest SHA-256 of everything that the simulation read.
+     * @param changed which of this has changed since, a sentence each; if there is any it cannot start.
+     * @param approval hash of the approval for a time that has armed it; the run stays inside its envelope.
+     * @param beyond what of the run is outside the envelope approved for its client, a sentence each.
+     * @param servo it is approved for a time, for streamed targets, too.
      */
     public record RunRequestStatus(
             String sha256, String client, String name, RunState state, List<Long> axes, double durationS, List<Extent>
@@ -1511,7 +1512,7 @@ public final class Messages {
     /** The oldest first. */
     public record RunRequestsReply(List<RunRequestStatus> requests) {}
 
-    /** What waits for an operator, is armed, or was started lately. */
+    /** Requests that wait for an operator, are armed, or were started recently. */
     public record RunRequestsRequest() {}
 
     /**
@@ -1543,7 +1544,7 @@ public final class Messages {
      * @param index of the object.
      * @param subindex of the object.
      * @param axis whose drive; or `node`, with `bus` where several buses have that number.
-     * @param type how the bytes are to be read; null: by the drive's EDS, or the standard's objects.
+     * @param type how to read the bytes; null: by the drive's EDS, or the standard's objects.
      */
     public record SdoReadRequest(long index, long subindex, Long axis, Long node, String bus, SdoType type) {
         /** All that may be left out as the server has it. */
@@ -1611,17 +1612,17 @@ public final class Messages {
         }
     }
 
-    /** The program that follows targets, put as `StreamTargets` on `in/{client}/{program}`; its axes in order. */
+    /** The program that follows targets, sent as `StreamTargets` on `in/{client}/{program}`; its axes in order. */
     public record ServoReply(String program, List<Long> axes) {}
 
     /**
      * Leases axes for targets that the client streams, and energizes them.
      * @param axes the axes to lease, all free now; null: all of the machine.
      * @param name for people.
-     * @param low by axis number as text the least position that targets lead to [mm or deg]; with `high` or not at
-     *     all. A machine with bodies or zones needs both: where these would not stay clear everywhere between, the
+     * @param low lowest position that targets may command, by axis number as text [mm or deg]; only together with
+     *     `high`. A machine with bodies or zones needs both: if these would not stay clear everywhere between, the
      *     program ends as faulted and nothing moves.
-     * @param high by axis number as text the greatest position that targets lead to [mm or deg].
+     * @param high highest position that targets may command, by axis number as text [mm or deg].
      */
     public record ServoRequest(List<Long> axes, String name, Map<String, Double> low, Map<String, Double> high) {
         /** All that may be left out as the server has it. */
@@ -1648,15 +1649,15 @@ public final class Messages {
 
     /**
      * The targets of a program in servo mode, counted since it was opened.
-     * @param taken messages that count.
-     * @param lost numbers that never came, or came behind later ones.
-     * @param late came later than they count for.
-     * @param doubled of the newest number, or a lower one.
-     * @param reordered of the newest number, or a lower one.
-     * @param jumped too far from the point before, and not confirmed by the next one.
-     * @param refused not finite, not of the program's axes, or a pose that the tool cannot be led to.
+     * @param taken messages accepted.
+     * @param lost numbers that never came, or came after later ones.
+     * @param late came after their validity.
+     * @param doubled repeated the newest number, or had a lower one.
+     * @param reordered repeated the newest number, or had a lower one.
+     * @param jumped too far from the previous point, and not confirmed by the next one.
+     * @param refused not finite, not of the program's axes, or a pose that the tool cannot reach.
      * @param clipped of those taken, beyond an axis's travel.
-     * @param slowed of those taken, faster for a tool than its axes go.
+     * @param slowed of those taken, faster than a tool's axes can go.
      * @param intervalS between messages, by the sender's clock.
      * @param ageS of the newest one, beyond the quickest.
      */
@@ -1664,7 +1665,7 @@ public final class Messages {
             long taken, long lost, long late, long doubled, long reordered, long jumped, long refused, long clipped,
             long slowed, double intervalS, double ageS) {}
 
-    /** Sets a simulated input by its name, as `SetOutputRequest`; its script ends. */
+    /** Sets a simulated input by its name, like `SetOutputRequest`; its script ends. */
     public record SetInputRequest(String input, double value) {}
 
     /** Sets an output by its name; digital: true and false, or 1 and 0. */
@@ -1674,12 +1675,12 @@ public final class Messages {
     public record SetReply(String name, double value) {}
 
     /**
-     * Names a row of the tables, or says how long a tool may cut; what is nil stays.
+     * Names a row of the tables, or sets how long a tool may cut; what is nil stays.
      * @param row `G54` to `G59.3`, or `T3`.
-     * @param name for people; empty takes it away.
-     * @param lifeMin for how long the tool may cut; 0: there is no limit.
-     * @param usedMin for how long it has cut, 0 when a new one is fitted.
-     * @param by the person, where a client serves several.
+     * @param name for people; empty removes it.
+     * @param lifeMin how long the tool may cut; 0: no limit.
+     * @param usedMin how long it has cut, 0 when a new one is fitted.
+     * @param by the person, if a client serves several.
      */
     public record SetTableRowRequest(String row, String name, Double lifeMin, Double usedMin, String by) {
         /** All that may be left out as the server has it. */
@@ -1711,9 +1712,9 @@ public final class Messages {
      * @param workOffsets of the systems used or set.
      * @param inputs their values at the end, by name.
      * @param outputs their values at the end, by name.
-     * @param path where it was asked for.
+     * @param path if it was requested.
      * @param clearance of a machine that names bodies.
-     * @param assertions what those of the request come to, in their order.
+     * @param assertions results of those of the request, in their order.
      * @param difference to the motion of `against`.
      */
     public record SimulateReply(
@@ -1724,13 +1725,13 @@ public final class Messages {
 
     /**
      * Runs a program's text on a virtual clock and simulated drives.
-     * @param positions start the axes there [mm, deg]; null: where the machine file lets simulated drives start.
-     * @param pathPoints the reply's `path` has so many points at most; 0: no path.
+     * @param positions start the axes there [mm, deg]; null: where the machine file starts simulated drives.
+     * @param pathPoints maximum number of points in the reply's `path`; 0: no path.
      * @param lines whether the reply has the times of every line.
      * @param assertions are judged on every setpoint; one that does not hold is a fault (MC330).
      * @param against another program's text, from the same start: the reply has the `difference` to its motion.
-     * @param role whose run it is to be: `agent`, one that a person approves, or `operator`, any other; zones of
-     *     the other do not count. null: all zones do.
+     * @param role whose run it is: `agent`, one that a person approves, or `operator`, any other; zones of the
+     *     other role do not count. null: all zones count.
      * @param blockDelete as of `OpenRequest`.
      * @param optionalStop as of `OpenRequest`.
      */
@@ -1776,7 +1777,7 @@ public final class Messages {
     }
 
     /**
-     * Points at even distances along the axes' travel.
+     * Points at equal distances along the axes' travel.
      * @param lines the program's line at each point.
      * @param tips the points of each tool.
      */
@@ -1785,19 +1786,19 @@ public final class Messages {
     /** The whole machine's state now: a `MachineStatus`. */
     public record StatusRequest() {}
 
-    /** The next line of a program in single line mode. */
+    /** Starts the next line of a program in single-line mode. */
     public record StepRequest(String program) {}
 
     /**
-     * Cumulative: lines through `accepted` are taken, through `done` have ended; `credit` more fit. `rejections`:
-     * how many the program has had.
+     * Cumulative: lines through `accepted` are accepted, through `done` have ended; `credit` more fit.
+     * `rejections`: how many the program has had.
      */
     public record SubmitReply(String program, long accepted, long done, long credit, @Sparse long rejections) {}
 
     /**
      * Lines `first`, `first + 1`, …; without `judge` the reply does not wait for the verdict. `rejections`: how
-     * many the client has heard of; lines of before a rejection are refused. null: not said, they are taken for
-     * lines of now.
+     * many the client knows of; lines from before a rejection are refused. null: unknown, the lines are taken as
+     * current.
      */
     public record SubmitRequest(String program, long first, List<String> lines, boolean judge, Long rejections) {
         /** All that may be left out as the server has it. */
@@ -1842,9 +1843,9 @@ public final class Messages {
             Double> after, @Sparse String wasCalled, @Sparse String called) {}
 
     /**
-     * What programs start with, and who changed it.
+     * The tables that programs start with, and who changed them.
      * @param offsets systems that were set; the others read zero at the machine's zero.
-     * @param toolTable whether the machine's programs have one: G43 and G10 L1 exist.
+     * @param toolTable whether the machine's programs have one, with G43 and G10 L1.
      * @param tools in the order of their numbers.
      * @param changes the newest first.
      * @param names of systems, by system.
@@ -1856,7 +1857,7 @@ public final class Messages {
     /** The tables that programs start with. */
     public record TablesRequest() {}
 
-    /** How to read `tele/batch`: its columns, its fields and how many cycles a message holds at most. */
+    /** How to read `tele/batch`: its columns, its fields and the maximum of cycles in a message. */
     public record TelemetryInfo(List<Long> axes, List<String> fields, long cyclesAMessage, double stateHz) {}
 
     /**
@@ -1877,28 +1878,28 @@ public final class Messages {
 
     /**
      * One tool of G01 … Tn.
-     * @param work the frame in which its poses are; empty: the base.
+     * @param work the frame of its poses; empty: the base.
      */
     public record ToolInfo(
             long number, String frame, List<Long> axes, boolean orientation, String euler, @Sparse String work) {}
 
     /**
      * The jog's program, for `abort` and for keeping it alive.
-     * @param obstacle which joint ends the way, and why, for people; empty: nothing within the tool's reach, or
+     * @param obstacle which joint ends the motion, and why, for people; empty: nothing within the tool's reach, or
      *     the jog was kept alive.
      */
     public record ToolJogReply(String program, @Sparse String obstacle) {}
 
     /**
-     * Moves a tool's tip straight on, by all its joints, until it is stopped or cannot go on.
+     * Moves a tool's tip in a straight line, by all its joints, until it is stopped or cannot continue.
      * @param tool number of the machine file.
-     * @param word X Y Z to go along that axis of `frame`, A B C to turn about it with the tip at rest.
-     * @param velocity of the tip [mm/s], of a turn [deg/s], signed. Near a singular position, and where a joint
-     *     has less, it goes slower.
+     * @param word X Y Z to move along that axis of `frame`, A B C to turn about it with the tip at rest.
+     * @param velocity of the tip [mm/s], of a turn [deg/s], signed. Near a singular position, and where a joint's
+     *     limit is lower, it is slower.
      * @param frame the base, or the tool itself.
-     * @param holdS dead man's time, as of `jog` (default 0.5 s).
-     * @param program id of the jog under way that this request keeps alive.
-     * @param by the person, where a client serves several.
+     * @param holdS dead-man timeout, as in `jog` (default 0.5 s).
+     * @param program id of the running jog that this request keeps alive.
+     * @param by the person, if a client serves several.
      */
     public record ToolJogRequest(
             long tool, ToolDirection word, double velocity, ToolFrame frame, Double holdS, String program, String by) {
@@ -1932,9 +1933,9 @@ public final class Messages {
 
     /**
      * A line of the tool table [mm], for G43.
-     * @param changed by G10 L1, not as the machine file has it.
-     * @param lifeMin for how long it may cut; 0: nobody has said.
-     * @param usedMin it has cut, counted in G01 to G03 while its spindle turns.
+     * @param changed by G10 L1, so that it differs from the machine file.
+     * @param lifeMin how long it may cut; 0: not set.
+     * @param usedMin how long it has cut, counted in G01 to G03 while its spindle turns.
      */
     public record ToolRow(
             long number, double length, double diameter, @Sparse boolean changed, @Sparse String name, @Sparse double
@@ -1971,7 +1972,7 @@ public final class Messages {
             @Sparse Edit edit) {}
 
     /**
-     * Takes a request back; only the user who asked may.
+     * Withdraws a request; only the user who made it may.
      * @param sha256 of the text, or at least its first 8 digits.
      */
     public record WithdrawRequest(String sha256) {}
@@ -1979,10 +1980,10 @@ public final class Messages {
     /**
      * The origin of a work coordinate system.
      * @param system such as `G54`.
-     * @param origin where the axes read zero, by number [mm, deg]; an axis that is left out reads as the machine
+     * @param origin where the axes read zero, by number [mm, deg]; an axis that is omitted reads as the machine
      *     does.
-     * @param rotation by which X and Y are turned about Z there, counter-clockwise (G10 L2 R) [deg]: an axis alone
-     *     does not tell what they read then.
+     * @param rotation angle by which X and Y are turned about Z, counter-clockwise (G10 L2 R) [deg]: a single axis
+     *     does not determine what they read then.
      */
     public record WorkOffset(String system, Map<String, Double> origin, @Sparse double rotation) {}
 
@@ -1994,12 +1995,12 @@ public final class Messages {
     public record WriteMachineFileReply(boolean written, String before, List<Diagnostic> diagnostics) {}
 
     /**
-     * Checks a text as `mcserver machine check` does, and writes it where it has no error. The server goes on by
+     * Checks a text as `mcserver machine check` does, and writes it if it has no error. The server continues with
      * the old one until it is restarted.
      * @param text all of the new file.
-     * @param sha256 of the text that was changed, as `machine_file` gave it.
+     * @param sha256 of the text that was edited, as `machine_file` returned it.
      * @param onlyCheck nothing is written.
-     * @param by the person, where a client serves several.
+     * @param by the person, if a client serves several.
      */
     public record WriteMachineFileRequest(String text, String sha256, boolean onlyCheck, String by) {
         /** All that may be left out as the server has it. */
