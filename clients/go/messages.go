@@ -1484,7 +1484,8 @@ type ReferenceRequest struct {
 	Positions map[string]float64 `msgpack:"positions" mc:"required"`
 }
 
-// RejectRequest: Rejects a run; its client is shown the reason. An approval for a time that was given with it ends.
+// RejectRequest: Rejects a run; its client is shown the reason. An approval for a while that was given with it
+// ends.
 type RejectRequest struct {
 	// Sha256: of the text, or at least its first 8 digits.
 	Sha256 string `msgpack:"sha256" mc:"required"`
@@ -1498,7 +1499,7 @@ type ResetRequest struct {
 	Axes []int64 `msgpack:"axes"`
 }
 
-// RunApprovalsRequest: Runs whose envelope was approved for a time (`standing_s`), each with its `remaining_s`.
+// RunApprovalsRequest: Runs whose envelope was approved for a while (`standing_s`), each with its `remaining_s`.
 type RunApprovalsRequest struct{}
 
 // RunArmedReply: The program that was started.
@@ -1596,11 +1597,11 @@ type RunRequestStatus struct {
 	Digest string `msgpack:"digest"`
 	// Changed: which of this has changed since, a sentence each; if there is any it cannot start.
 	Changed []string `msgpack:"changed"`
-	// Approval: hash of the approval for a time that has armed it; the run stays inside its envelope.
+	// Approval: hash of the approval for a while that has armed it; the run stays inside its envelope.
 	Approval string `msgpack:"approval"`
 	// Beyond: what of the run is outside the envelope approved for its client, a sentence each.
 	Beyond []string `msgpack:"beyond"`
-	// Servo: it is approved for a time, for streamed targets, too.
+	// Servo: it is approved for a while, for streamed targets, too.
 	Servo bool `msgpack:"servo"`
 }
 

@@ -62,7 +62,7 @@ class RunRequestsRequest(Request, frozen=True, kw_only=True):
 
 
 class RunApprovalsRequest(Request, frozen=True, kw_only=True):
-    """Runs whose envelope was approved for a time (``standing_s``), each with its ``remaining_s``."""
+    """Runs whose envelope was approved for a while (``standing_s``), each with its ``remaining_s``."""
 
 
 class RunPreviewRequest(Request, frozen=True, kw_only=True):
@@ -98,7 +98,7 @@ class ArmRequest(Request, frozen=True, kw_only=True):
 
 
 class RejectRequest(Request, frozen=True, kw_only=True):
-    """Rejects a run; its client is shown the reason. An approval for a time that was given with it ends.
+    """Rejects a run; its client is shown the reason. An approval for a while that was given with it ends.
 
     Attributes:
         sha256: of the text, or at least its first 8 digits. number: as in `ArmRequest`.
@@ -128,9 +128,9 @@ class RunRequestStatus(msgspec.Struct, frozen=True):
         changed: which of this has changed since, a sentence each; if there is any it cannot start.
         operator: who armed or rejected it. reason: why it was rejected.
         number: a new one each time that the run is requested, even with the same text.
-        approval: hash of the approval for a time that has armed it; the run stays inside its envelope.
+        approval: hash of the approval for a while that has armed it; the run stays inside its envelope.
         beyond: what of the run is outside the envelope approved for its client, a sentence each.
-        servo: it is approved for a time, for streamed targets, too.
+        servo: it is approved for a while, for streamed targets, too.
         block_delete, optional_stop: those of the run, as in `OpenRequest`.
     """
 

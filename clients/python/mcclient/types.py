@@ -1768,9 +1768,9 @@ class RunRequestStatus:
         tools: extents of the tools' tips.
         digest: SHA-256 of everything that the simulation read.
         changed: which of this has changed since, a sentence each; if there is any it cannot start.
-        approval: hash of the approval for a time that has armed it; the run stays inside its envelope.
+        approval: hash of the approval for a while that has armed it; the run stays inside its envelope.
         beyond: what of the run is outside the envelope approved for its client, a sentence each.
-        servo: it is approved for a time, for streamed targets, too.
+        servo: it is approved for a while, for streamed targets, too.
     """
 
     sha256: str

@@ -1323,7 +1323,7 @@ export interface ReferenceRequest {
   positions: Record<string, number>;
 }
 
-/** Rejects a run; its client is shown the reason. An approval for a time that was given with it ends. */
+/** Rejects a run; its client is shown the reason. An approval for a while that was given with it ends. */
 export interface RejectRequest {
   /** of the text, or at least its first 8 digits. */
   sha256: string;
@@ -1337,7 +1337,7 @@ export interface ResetRequest {
   axes?: number[] | null | undefined;
 }
 
-/** Runs whose envelope was approved for a time (`standing_s`), each with its `remaining_s`. */
+/** Runs whose envelope was approved for a while (`standing_s`), each with its `remaining_s`. */
 export interface RunApprovalsRequest {
 }
 
@@ -1438,11 +1438,11 @@ export interface RunRequestStatus {
   digest?: string;
   /** which of this has changed since, a sentence each; if there is any it cannot start. */
   changed?: string[];
-  /** hash of the approval for a time that has armed it; the run stays inside its envelope. */
+  /** hash of the approval for a while that has armed it; the run stays inside its envelope. */
   approval?: string;
   /** what of the run is outside the envelope approved for its client, a sentence each. */
   beyond?: string[];
-  /** it is approved for a time, for streamed targets, too. */
+  /** it is approved for a while, for streamed targets, too. */
   servo?: boolean;
 }
 

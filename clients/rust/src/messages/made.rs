@@ -1813,7 +1813,7 @@ impl ReferenceRequest {
     }
 }
 
-/// Rejects a run; its client is shown the reason. An approval for a time that was given with it ends.
+/// Rejects a run; its client is shown the reason. An approval for a while that was given with it ends.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RejectRequest {
     /// of the text, or at least its first 8 digits.
@@ -1841,7 +1841,7 @@ pub struct ResetRequest {
     pub axes: Option<Vec<u64>>,
 }
 
-/// Runs whose envelope was approved for a time (`standing_s`), each with its `remaining_s`.
+/// Runs whose envelope was approved for a while (`standing_s`), each with its `remaining_s`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunApprovalsRequest {}
 
@@ -1995,13 +1995,13 @@ pub struct RunRequestStatus {
     /// which of this has changed since, a sentence each; if there is any it cannot start.
     #[serde(default)]
     pub changed: Vec<String>,
-    /// hash of the approval for a time that has armed it; the run stays inside its envelope.
+    /// hash of the approval for a while that has armed it; the run stays inside its envelope.
     #[serde(default)]
     pub approval: String,
     /// what of the run is outside the envelope approved for its client, a sentence each.
     #[serde(default)]
     pub beyond: Vec<String>,
-    /// it is approved for a time, for streamed targets, too.
+    /// it is approved for a while, for streamed targets, too.
     #[serde(default)]
     pub servo: bool,
 }

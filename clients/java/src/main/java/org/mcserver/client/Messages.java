@@ -1374,7 +1374,7 @@ public final class Messages {
     public record ReferenceRequest(Map<String, Double> positions) {}
 
     /**
-     * Rejects a run; its client is shown the reason. An approval for a time that was given with it ends.
+     * Rejects a run; its client is shown the reason. An approval for a while that was given with it ends.
      * @param sha256 of the text, or at least its first 8 digits.
      * @param number as in `ArmRequest`.
      */
@@ -1401,7 +1401,7 @@ public final class Messages {
         }
     }
 
-    /** Runs whose envelope was approved for a time (`standing_s`), each with its `remaining_s`. */
+    /** Runs whose envelope was approved for a while (`standing_s`), each with its `remaining_s`. */
     public record RunApprovalsRequest() {}
 
     /** The program that was started. */
@@ -1498,9 +1498,9 @@ public final class Messages {
      * @param tools extents of the tools' tips.
      * @param digest SHA-256 of everything that the simulation read.
      * @param changed which of this has changed since, a sentence each; if there is any it cannot start.
-     * @param approval hash of the approval for a time that has armed it; the run stays inside its envelope.
+     * @param approval hash of the approval for a while that has armed it; the run stays inside its envelope.
      * @param beyond what of the run is outside the envelope approved for its client, a sentence each.
-     * @param servo it is approved for a time, for streamed targets, too.
+     * @param servo it is approved for a while, for streamed targets, too.
      */
     public record RunRequestStatus(
             String sha256, String client, String name, RunState state, List<Long> axes, double durationS, List<Extent>
