@@ -376,11 +376,17 @@ def test_a_switch_is_within_the_limits_whatever_is_ordered_meanwhile(order: str)
         ("BED_MESH_CALIBRATE ADAPTIVE=", "MC113"),
         ("BED_MESH_CLEAR PROFILE=a", "MC113"),
         ("BED_MESH_PROFILE LOAD=a REST=b", "MC113"),
+        ("BED_MESH_PROFILE", "MC113"),
     ],
 )
 def test_garbage_parameters_are_refused(line: str, code: str) -> None:
     found = [each.code for each in check_program(f"{HEAD}{line}\n", printer()) if each.severity == "error"]
     assert found == [code]
+
+
+def test_a_letter_without_its_number_is_not_said_to_be_zero() -> None:
+    (found,) = [each for each in check_program(f"{HEAD}M420 S\n", printer()) if each.severity == "error"]
+    assert found.message == "M420 S without a number is not done here"
 
 
 @pytest.mark.parametrize("line", ["G29 P3.2", "M420", "M420 V", "BED_MESH_PROFILE SAVE=a", "BED_MESH_OUTPUT"])

@@ -49,6 +49,9 @@ def bed_mesh_macro(name: str, code: str, span: Span, faults: FaultList) -> Actio
     if name == "BED_MESH_CALIBRATE":
         return Action("G29", span, {})
     on = float(name == "BED_MESH_PROFILE")
+    if on and not given:
+        faults.add("MC113", f"{name} says nothing to be done", span, "give LOAD=NAME")
+        return None
     return Action("M420", span, {"S": ProfileWord("S", on, f"{on:g}", -1, span)})
 
 
@@ -82,11 +85,13 @@ def _use(block: BlockState, action: Action) -> MeshUse | None:
     if block.faults.found or chosen is None:
         return MeshUse.MET if letter == "P" and not block.faults.found else None
     # firmware differs in what a letter without its number is
-    uses = {} if chosen.span[1] - chosen.span[0] == 1 else _USES[letter]
-    if chosen.value not in uses:
+    bare = chosen.span[1] - chosen.span[0] == 1
+    if bare or chosen.value not in _USES[letter]:
+        said = f"{letter} without a number" if bare else f"{letter}{chosen.text}"
         hint = f"give {' or '.join(f'{letter}{value:g}' for value in _USES[letter])}"
-        block.faults.add("MC116", f"{action.code} {letter}{chosen.text} is not done here", chosen.span, hint)
-    return uses.get(chosen.value)
+        block.faults.add("MC116", f"{action.code} {said} is not done here", chosen.span, hint)
+        return None
+    return _USES[letter][chosen.value]
 
 
 def _probed(block: BlockState, of: Axis, mesh: Mesh) -> list[Canonical]:
