@@ -205,6 +205,11 @@ class Coupling:
         return FaultCode.ENVELOPE_SPEED, (abs(float(self._target[1])), self._within.speed)
 
     @property
+    def lacks_work(self) -> bool:
+        """Whether it waits for what no input has noted yet."""
+        return False
+
+    @property
     def rests(self) -> bool:
         """Whether the follower stands on its target."""
         return not (self.error or self.state[1:].any())

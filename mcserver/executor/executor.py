@@ -16,6 +16,7 @@ from mcserver.executor.barriers import Dwell, InputWait
 from mcserver.executor.bed_mesh import BedMesh
 from mcserver.executor.block import Block
 from mcserver.executor.block_playing import play_block
+from mcserver.executor.coupling import Coupling
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.entries import Array, EventKind
 from mcserver.executor.fault_codes import FaultCode
@@ -264,6 +265,11 @@ class Executor:
     def timed(self) -> bool:
         """Whether a program waits at a dwell or for an input."""
         return any(isinstance(slot.barrier, Dwell | InputWait) for slot in self._used if slot.running)
+
+    @property
+    def couplings(self) -> tuple[Coupling, ...]:
+        """Those in force, of axes and tools that follow others."""
+        return self._cycle.couplings.engaged
 
     @property
     def standing(self) -> bool:

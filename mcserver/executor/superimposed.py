@@ -103,6 +103,10 @@ class SuperimposedCoupling(Coupling):
                 self._begin(start)
                 return
 
+    @property
+    def lacks_work(self) -> bool:
+        return self.waits and self._noted is not None and not self._noted
+
     def brake(self, *, urgent: bool) -> None:
         """End with the offset coming to rest; ``urgent``: without regard to jerk."""
         self.ending = True

@@ -50,6 +50,8 @@ STUCK = 600_000
 # cycles without motion, and time behind its last change [s], above which an input holds a program for good:
 # beyond any debouncing
 HELD, HELD_S = 1000, 60.0
+# So long it waits for a work whose leader stands, or that no input brings any more [s].
+PATIENCE_S = 10.0
 # Lines that wait to be planned: more than one piece of the planner's work reads.
 AHEAD_LINES = 20_000
 
@@ -201,6 +203,8 @@ class Run:
         self._recorder = Recorder(machine, keep, channels, takers)
         self._executor.recorder = self._recorder
         self._seen_u = -1.0
+        # of the axes, as the program last went on
+        self._places = row.actual.copy()
         # where the program's words read zero, by the name of the system
         self._frame = start.frame
         self._inputs_read: set[int] = set()
@@ -219,11 +223,14 @@ class Run:
             self._executor.step(cycles)
             self._take_events()
             idle = 0 if self._moved() else idle + cycles
+            if idle == 0:
+                self._places[:] = self._executor.executor.row.actual
             if self._holding and idle > HELD and self._executor.time > self._last_scripted() + HELD_S:
                 self._faults.append(self._held_for_good())
                 self._executor.mailbox.abort(SLOT)
-            elif idle > STUCK and not self._holding:
-                raise RuntimeError("the simulation makes no progress")
+            elif not self._holding and (idle > STUCK or self._waits_in_vain(idle)):
+                self._faults.append(self._stuck())
+                self._executor.mailbox.abort(SLOT)
             if self._progress is not None:
                 self._progress(self._executor.time, self._recorder.line)
         self._come_to_rest()
@@ -329,6 +336,30 @@ class Run:
         moved = self._u() != self._seen_u or self._executor.executor.timed
         self._seen_u = self._u()
         return moved
+
+    def _waits_in_vain(self, idle: int) -> bool:
+        """Return whether G1060 waits for a work that comes no more, or whose leader stands (D-142)."""
+        cycle_s, now = self._machine.cycle_s, self._executor.time
+        last = max((each.at_s for one in self._machine.inputs for each in one.script), default=0.0)
+        if min(idle * cycle_s, now - last) <= PATIENCE_S:
+            return False
+        ways = np.abs(self._executor.executor.row.actual - self._places)
+        return any(
+            each.waits and (each.lacks_work or ways[each.leader.column] <= each.tolerance)
+            for each in self._executor.executor.couplings
+        )
+
+    def _stuck(self) -> Diagnostic:
+        line = self._passed + 1
+        return Diagnostic(
+            code="MC333",
+            severity="error",
+            message="the program waits for something that does not come in this simulation",
+            line=line,
+            column=1,
+            end_column=1 + max(1, len(self._text_of(line))),
+            hint="let inputs come (--input NAME=on@SECONDS), and let the program move what G1060 follows",
+        )
 
     def _take_reports(self) -> None:
         for report in self._pipeline.take_reports_in_columns():

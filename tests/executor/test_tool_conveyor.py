@@ -23,6 +23,7 @@ from mcserver.gcode.program_check import check_program
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.machine.section_reader import MachineFileRejected
+from mcserver.simulation.simulation import simulate
 from mcserver.units import MM
 from tests.executor.coupled import LAW, Coupled, abort, hold, resume, under_orders
 from tests.limits import broken_limits
@@ -279,6 +280,31 @@ def test_three_works_come_and_the_one_that_has_left_the_window_is_passed_over() 
         due = belt[risen] + 120.0 * MM
         # what the belt goes in a cycle or two of the input
         assert abs(y[end - 100] - (belt[end - 100] - due) + 120.0 * MM) < 0.25 * MM
+
+
+@pytest.mark.parametrize(
+    ("risen", "belt"),
+    [((), "G1030 [9]60\n"), ((0.1,), ""), ((), "")],
+    ids=["no work", "belt stands", "neither"],
+)
+def test_a_simulation_in_which_no_work_comes_ends_with_a_fault_at_g1060(
+    risen: tuple[float, ...], belt: str
+) -> None:
+    made = machine(", latch = 4, after = 120.0", inputs=eye(*risen))
+    text = f"G1010\n{belt}T1 G0 X460 Y-120 Z400 A0 B0 C0\nG1060\nG1061\nM2"
+    found = simulate(text, made, kinematics=build_kinematics(made))
+    waits = 1 + text.split("\n").index("G1060")
+    faults = [each for each in found.report["diagnostics"] if each["severity"] == "error"]
+    assert [(each["code"], each["line"]) for each in faults] == [("MC333", waits)]
+    assert found.exit_code == 1
+
+
+def test_a_simulation_waits_for_a_work_that_comes_late() -> None:
+    made = machine(", latch = 4, after = 120.0", inputs=eye(18.0))
+    text = f"{begun()}G1061\nM2"
+    found = simulate(text, made, kinematics=build_kinematics(made))
+    assert found.exit_code == 0
+    assert found.report["duration_s"] > 18.0
 
 
 def test_what_comes_behind_g1061_is_in_the_frame_that_stands() -> None:
