@@ -232,6 +232,7 @@ class Run:
                     self._executor.mailbox.abort(SLOT)
             elif idle > STUCK or self._waits_in_vain(idle):
                 self._faults.append(self._stuck())
+                self._executor.mailbox.abort(SLOT)
             if self._progress is not None:
                 self._progress(self._executor.time, self._recorder.line)
         self._come_to_rest()
