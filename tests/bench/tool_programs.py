@@ -6,6 +6,7 @@ the path within the tolerance, and the end.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 
@@ -25,6 +26,7 @@ from tests.motion.measure import VELOCITY_SLACK
 START = np.array([460.0, 0.0, 675.0])
 # Where the points of a program are [mm], and the angles A B C at most [degrees].
 LEAST, MOST, MOST_TURN = np.array([340.0, -220.0, 430.0]), np.array([560.0, 220.0, 720.0]), 25.0
+CIRCLE_CHORDS = 720
 LENGTHS = (0.05, 1.0, 8.0, 60.0)
 CHORDS = (0.1, 0.5, 2.0)
 TOLERANCES = (0.02, 0.1, 1.0)
@@ -40,9 +42,8 @@ class _Writer:
         self._rng = rng
         self.here, self.turned = START.copy(), np.zeros(3)
         self.lines = [f"T1 G64 P{tolerance}"]
-        # from line 2 on, behind G1010: the points between which each line goes, None for those that do not;
-        # and F [mm/s] or T [s]
-        self.paths: dict[int, tuple[Array, Array]] = {}
+        # of each line that moves, from line 2 on, behind G1010: chords of its path; and F [mm/s] or T [s]
+        self.paths: dict[int, list[tuple[Array, Array]]] = {}
         self.feeds: dict[int, float] = {}
         self.times: dict[int, float] = {}
         self._timed = False
@@ -60,7 +61,7 @@ class _Writer:
             self.feeds[number] = speed
         self.lines.append(f"{code} {words} {feed}")
         if code == "G01":
-            self.paths[number] = (self.here.copy(), target.copy())
+            self.paths[number] = [(self.here.copy(), target.copy())]
         self.here = target
 
     def _words(self, target: Array) -> str:
@@ -101,6 +102,9 @@ class _Writer:
     def circle(self) -> None:
         """A full circle in the plane XY."""
         radius = float(self._rng.choice([3.0, 20.0]))
+        turn = np.linspace(0.0, 2.0 * math.pi, CIRCLE_CHORDS + 1)[:, None]
+        points = self.here + radius * np.hstack((1.0 - np.cos(turn), np.sin(turn), 0.0 * turn))
+        self.paths[len(self.lines) + 2] = list(itertools.pairwise(points))
         self._line("G17 G02", 2.0 * math.pi * radius, f"I{radius} J0", self.here.copy())
 
     def write(self, sections: int) -> None:
@@ -174,8 +178,11 @@ def broken_laws_of_tools(seed: int, *, orders: bool) -> tuple[list[str], int, in
             if late > cycle and line["bound_by"] is None:
                 broken.append(f"line {number} ends {late:.6g} s after its T of {took:.6g}, unbound")
         if number in program.paths:
-            beside = [number - 1, number, number + 1]
-            away = _farthest(rows, [program.paths[n] for n in beside if n in program.paths])
+            # a corner is rounded between the paths of both its lines
+            moves = list(program.paths)
+            at = moves.index(number)
+            parts = [part for each in moves[max(at - 1, 0) : at + 2] for part in program.paths[each]]
+            away = _farthest(rows, parts)
             if away > tolerance + SOLVED:
                 broken.append(f"line {number} is left by {away:.6g} mm > {tolerance}")
     return broken, len(program.lines), len(joints)

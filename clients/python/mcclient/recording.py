@@ -159,6 +159,7 @@ class Recorder:
         Raises:
             OSError: it cannot be written.
         """
+        await self._until(lambda: self._ended_s is not None, LAST_SAMPLES_S)
         end_s = self._ended_s if self._ended_s is not None else self._now_s
         await self._until(lambda: self._now_s >= end_s + REST_S, LAST_SAMPLES_S)
         await self._stop()
@@ -185,11 +186,15 @@ class Recorder:
             self._arrived.set()
 
     async def _take_reports(self, reports: Feed[Report]) -> None:
+        last_s = None
         async for report in reports:
             if report.timing is not None:
                 self._times.append(report.line, report.timing.start_s, report.timing.end_s)
             elif report.kind == "program":
-                self._ended_s = report.t
+                last_s = report.t
+        # the feed ends with the program
+        self._ended_s = last_s
+        self._arrived.set()
 
     async def _until(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         try:

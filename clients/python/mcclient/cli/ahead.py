@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypedDict
 
-from mcclient.calls import DEADLINE_S
 from mcclient.cli.go_on import OutputsChoice
 from mcclient.cli.options import Target
 from mcclient.cli.output import as_plain, say, write_json
@@ -23,6 +22,8 @@ from mcclient.types import ENDED, CheckReply, OnDisconnectWord
 
 # A longer text is handed over as a file, and simulated by the server while it runs.
 SHORT_BYTES = 2 * 1024 * 1024
+# how long the server's first check may take
+FIRST_CHECK_S = 30.0
 # how long the start may wait for the simulation that tells the program's times
 FORESIGHT_S = 3.0
 # the check is a service: where it is busy or missing, the server judges the lines as they come
@@ -111,8 +112,9 @@ class Ahead:
         return found.ok
 
     async def _check(self, machine: Machine) -> CheckReply:
-        # a router drops what its access rules forbid without a word: no text at all is checked at once
-        await machine.check("", deadline_s=DEADLINE_S)
+        # a router drops what its access rules forbid without a word: no text at all is checked as soon as the
+        # server's first check has its process, which takes seconds on a busy computer
+        await machine.check("", deadline_s=FIRST_CHECK_S)
         if self._file is None:
             return await machine.check(self._text, positions=self._standing, **self._options.switches)
         say(f"checking {self._source.total} lines of {self._source.name}; --no-check starts at once")
