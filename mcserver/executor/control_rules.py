@@ -467,8 +467,8 @@ def _settle(slot: ProgramSlot, control: Control, left: float, waited: bool) -> B
     setpoints = row.ordered.tolist()
     encoders = (row.actual if bank.shaper is None else row.actual - bank.shaper.added).tolist()
     # an encoder that moves along with what it follows is behind
-    told = bank.exact | cycle.couplings.superimposed()
-    for column in bank.masks.columns(told & bank.energized & bank.positioned):
+    ordered = bank.exact | cycle.couplings.superimposed()
+    for column in bank.masks.columns(ordered & bank.energized & bank.positioned):
         encoders[column] = setpoints[column]
     values = (*setpoints, *encoders)
     if cycle.emit(EventKind.SETTLED, slot.index, control.line, left, token=control.token, values=values):

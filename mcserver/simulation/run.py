@@ -47,10 +47,10 @@ from mcserver.units import DEGREE, MM
 BURST = 1000
 # Cycles without any progress after which a run is given up [cycles]: exact stops time out long before.
 STUCK = 600_000
-# cycles without motion, and time behind the last change of an input [s], above which an input holds a program
-# for good: beyond any debouncing
+# Cycles without motion, and time after the last change of an input [s], from which on an input holds the
+# program for good: longer than any debouncing.
 HELD, HELD_S = 1000, 60.0
-# So long it waits for a work whose leader stands, or that no input brings any more [s].
+# Time that G1060 may wait for a piece while its leader stands, or after the last change of an input [s].
 PATIENCE_S = 10.0
 # Lines that wait to be planned: more than one piece of the planner's work reads.
 AHEAD_LINES = 20_000
@@ -228,11 +228,13 @@ class Run:
                 self._places[:] = self._executor.executor.row.actual
             elif self._holding:
                 if idle > HELD and self._executor.time > self._last_input_s + HELD_S:
-                    self._faults.append(self._held_for_good())
-                    self._executor.mailbox.abort(SLOT)
+                    self._give_up_held()
             elif idle > STUCK or self._waits_in_vain(idle):
-                self._faults.append(self._stuck())
-                self._executor.mailbox.abort(SLOT)
+                self._give_up(
+                    "MC333",
+                    "the program waits for something that does not come in this simulation",
+                    "let inputs come (--input NAME=on@SECONDS), and let the program move what G1060 follows",
+                )
             if self._progress is not None:
                 self._progress(self._executor.time, self._recorder.line)
         self._come_to_rest()
@@ -285,17 +287,32 @@ class Run:
         mounted = mounted_by(machine, start.frame)
         return LostDrives(machine, positions, lambda: (motions.mask, motions.speeding), mounted, self._role)
 
-    def _held_for_good(self) -> Diagnostic:
+    def _give_up_held(self) -> None:
         names = ", ".join(f'"{self._input_names[column]}"' for column in sorted(self._holding))
-        line = self._passed + 1
+        self._give_up(
+            f"MC{int(FaultCode.INTERLOCK_HOLD)}",
+            f"the program is held for good by: {names}",
+            "let the input become what it should be, such as --input NAME=off@2.5",
+        )
+
+    def _give_up(self, code: str, message: str, hint: str) -> None:
+        """Abort the program at the line under way: nothing will let it go on."""
+        self._faults.append(self._fault(code, self._passed + 1, message, hint))
+        self._executor.mailbox.abort(SLOT)
+
+    def _fault(
+        self, code: str, line: int, message: str, hint: str, *, warning: bool = False, axis: int | None = None
+    ) -> Diagnostic:
+        """Return a diagnostic that marks a whole line."""
         return Diagnostic(
-            code=f"MC{int(FaultCode.INTERLOCK_HOLD)}",
-            severity="error",
-            message=f"the program is held for good by: {names}",
+            code=code,
+            severity="warning" if warning else "error",
+            message=message,
             line=line,
             column=1,
             end_column=1 + max(1, len(self._text_of(line))),
-            hint="let the input become what it should be, such as --input NAME=off@2.5",
+            hint=hint,
+            axis=axis,
         )
 
     def _held_alone(self) -> list[Diagnostic]:
@@ -343,18 +360,6 @@ class Run:
         return any(
             each.waits and (each.lacks_work or ways[each.leader.column] <= each.tolerance)
             for each in self._executor.executor.couplings
-        )
-
-    def _stuck(self) -> Diagnostic:
-        line = self._passed + 1
-        return Diagnostic(
-            code="MC333",
-            severity="error",
-            message="the program waits for something that does not come in this simulation",
-            line=line,
-            column=1,
-            end_column=1 + max(1, len(self._text_of(line))),
-            hint="let inputs come (--input NAME=on@SECONDS), and let the program move what G1060 follows",
         )
 
     def _take_reports(self) -> None:
@@ -437,17 +442,9 @@ class Run:
                 self._end = max(self._end, event.time)
                 self._passed = min(self._passed, event.line - 1) if event.line else self._passed
             message, hint = remedy_of(event.code, event.axis, event.values, self._input_names)
+            axis, warning = event.axis if event.axis >= 0 else None, event.code in WARNINGS
             self._faults.append(
-                Diagnostic(
-                    code=f"MC{event.code}",
-                    severity="warning" if event.code in WARNINGS else "error",
-                    message=message,
-                    line=event.line,
-                    column=1,
-                    end_column=1 + max(1, len(self._text_of(event.line))),
-                    hint=hint,
-                    axis=event.axis if event.axis >= 0 else None,
-                )
+                self._fault(f"MC{event.code}", event.line, message, hint, warning=warning, axis=axis)
             )
 
     def _not_run(self) -> float:
