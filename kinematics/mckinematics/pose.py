@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from mckinematics.dynamics import JointDynamics
+    from mckinematics.even_path import EvenPath
     from mckinematics.tip_control import TipControl
 
 Array = NDArray[np.float64]
@@ -108,6 +109,13 @@ class Kinematics(Protocol):
 
     def solve_path(self, tool: int, path: ToolPath, joints: Mapping[int, float]) -> JointPath:
         """Joint path that starts at ``joints``; raises `KinematicsError`; nothing is clipped."""
+
+    def solve_even_path(
+        self, tool: int, path: ToolPath, joints: Mapping[int, float], share: float, more: tuple[float, float]
+    ) -> EvenPath | None:
+        """Joints going evenly from ``joints`` where they may be off the path by a share of the tool's
+        tolerances and so much more [m, rad]; None where `solve_path` has to decide; raises `ModelError`.
+        """
 
     def check_beside(
         self, tool: int, path: Array, shares: Array, direction: Triple, window: tuple[float, float]

@@ -10,6 +10,7 @@ from mckinematics.beside import check_beside
 from mckinematics.description import MachineDescription, ToolDescription
 from mckinematics.dynamics import JointDynamics
 from mckinematics.errors import ModelError
+from mckinematics.even_path import EvenPath, solve_even_path
 from mckinematics.model import RobotModel, build_chain, load_model
 from mckinematics.path_solver import solve_tool_path
 from mckinematics.pose import Array, JointPath, Pose, ToolPath, Triple
@@ -126,6 +127,22 @@ class MachineKinematics:
         """
         model = self.tool(tool)
         return solve_tool_path(model, path, _column(model, joints))
+
+    def solve_even_path(
+        self, tool: int, path: ToolPath, joints: Mapping[int, float], share: float, more: tuple[float, float]
+    ) -> EvenPath | None:
+        """The joints going evenly from ``joints`` along ``path``; None where `solve_path` has to decide.
+
+        Args:
+            share: of the tool's tolerances by which it may be off its path. more: how far it may be off in
+                addition [m, rad].
+
+        Raises:
+            ModelError: the joints are not at the path's start.
+        """
+        model = self.tool(tool)
+        allowed = share * model.tolerance + more[0], share * model.tolerance_angle + more[1]
+        return solve_even_path(model, path, _column(model, joints), *allowed)
 
     def check_beside(
         self, tool: int, path: Array, shares: Array, direction: Triple, window: tuple[float, float]

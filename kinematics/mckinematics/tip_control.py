@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from mckinematics import refusal
 from mckinematics.errors import KinematicsError, ModelError
+from mckinematics.even_path import SAMPLES, EvenPath
 from mckinematics.pose import Array, JointPath
 from mckinematics.search import LIMIT_SLACK
 from mckinematics.spline import clamped_spline, evaluate_cells, spline_extremes
@@ -26,7 +27,6 @@ FIRST_CELLS, MOST_CELLS = 2, 1 << 12
 # how far the sliding joints may be from right angles and equal scales [1]
 SQUARE = 1e-6
 # uneven, so that a circle of many turns is not met at one point
-_EVEN = np.linspace(0.0, 1.0, 5)
 _INSIDE = np.array([0.19, 0.5, 0.77])
 
 
@@ -43,20 +43,6 @@ class Lead:
     derivative: Callable[[Array], Array]
     start: Array
     turns: Array
-
-
-@dataclass(frozen=True)
-class Straight:
-    """A lead on which all joints go evenly.
-
-    Attributes:
-        end: shape (K,), the joints at s = 1. fastest: the tip's greatest speed by s [m].
-        rates: of the tip by those of the joints at both ends, shape (2, 3, K).
-    """
-
-    end: Array
-    fastest: float
-    rates: Array
 
 
 @dataclass(frozen=True)
@@ -129,8 +115,8 @@ class TipControl:
         joints[:, self.sliding] = _solved(rates[:, :3, self.sliding], points - tips)
         return joints
 
-    def straight(self, lead: Lead, allowed: float) -> Straight | None:
-        """Return what the tip does where all joints go evenly; None where it leaves its path too far.
+    def even_path(self, lead: Lead, allowed: float) -> EvenPath | None:
+        """Return the joints going evenly to the path's end; None where the tip leaves its path too far.
 
         Args:
             allowed: how far it may be off [m].
@@ -141,13 +127,12 @@ class TipControl:
         last = lead.position(np.ones(1))
         end = self.solve(last, lead.turns[None])[0]
         travel = end - lead.start
-        tips, rates = self._linearise(lead.start + _EVEN[:, None] * travel)
-        off = tips - lead.position(_EVEN)
+        tips, rates = self._linearise(lead.start + SAMPLES[:, None] * travel)
+        off = tips - lead.position(SAMPLES)
         if float(np.einsum("ij,ij->i", off, off).max()) > allowed * allowed:
             return None
         self.refuse_beyond(end, last[0], 1.0)
-        fastest = float(np.linalg.norm(rates[:, :3] @ travel, axis=1).max())
-        return Straight(end, fastest, rates[:: len(_EVEN) - 1, :3])
+        return EvenPath.of(lead.start, end, rates[:, :3])
 
     def path(self, lead: Lead) -> JointPath:
         """Joint path that keeps the tip on its path within the tool's tolerance.

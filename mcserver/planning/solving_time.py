@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
+from mckinematics.even_path import EvenPath
 from mckinematics.pose import JointPath, Kinematics, Pose, ToolPath
 
 
@@ -40,6 +41,13 @@ class TimedKinematics:
         """Joint path along a tool's path; raises `KinematicsError`."""
         with self._measured():
             return self._kinematics.solve_path(tool, path, joints)
+
+    def solve_even_path(
+        self, tool: int, path: ToolPath, joints: Mapping[int, float], share: float, more: tuple[float, float]
+    ) -> EvenPath | None:
+        """Joints going evenly along a tool's path, if they may; raises `ModelError`."""
+        with self._measured():
+            return self._kinematics.solve_even_path(tool, path, joints, share, more)
 
     @contextmanager
     def _measured(self) -> Iterator[None]:

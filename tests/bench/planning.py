@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.machine.machine_file import Machine, load_machine
+from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.canonical import FeedGroup, MotionLine, PathBatch
 from mcserver.motion.planner import MotionPlanner
 from mcserver.planning.pipeline import RUN
 from mcserver.processes import collect_seldom
-from tests.bench.figures import Figure, rate, seconds
+from tests.bench.figures import Figure, seconds
 from tests.bench.machines import ideal
 from tests.bench.parsing import slots
 
@@ -57,14 +59,32 @@ def measure() -> list[Figure]:
         ]
     figures.append(_with_tolerance(polyline))
     figures.append(_arcs())
-    text = ARCS.read_text("utf-8")
-    cartesian = load_machine("cartesian")
-    motion = simulate(text, cartesian).report["duration_s"]
-    speed = rate(lambda: simulate(text, cartesian), 1, runs=3)
-    figures.append(
-        Figure("simulating examples/arcs.gcode", 1.0 / speed, "s", motion, "the motion itself", "far below 1")
+    simulated = (
+        ("examples/arcs.gcode", ARCS.read_text("utf-8"), load_machine("cartesian")),
+        ("chords of 0.5 mm of an arm's tool", _chords(), _arm()),
     )
+    for name, text, machine in simulated:
+        kinematics = build_kinematics(machine)
+        motion = simulate(text, machine, kinematics=kinematics).report["duration_s"]
+        took = seconds(
+            lambda text=text, machine=machine, kinematics=kinematics: simulate(
+                text, machine, kinematics=kinematics
+            ),
+            runs=3,
+        )
+        figures.append(Figure(f"simulating {name}", took, "s", motion, "the motion itself", "far below 1"))
     return figures
+
+
+def _arm() -> Machine:
+    return msgspec.structs.replace(load_machine("arm6"), path_tolerance=1e-4)
+
+
+def _chords() -> str:
+    """A circle of an arm's tip at 50 mm/s."""
+    angles = np.linspace(0.0, math.tau, 501)[1:].tolist()
+    lines = [f"X{420.0 + 40.0 * math.cos(angle):.4f} Y{40.0 * math.sin(angle):.4f}" for angle in angles]
+    return "\n".join(["G1010", "G94 F3000", "G1 T1 X460 Y0 Z600", *[f"G1 T1 {line}" for line in lines]])
 
 
 def _arcs() -> Figure:

@@ -3,7 +3,6 @@
 X Y Z are coordinates in the work piece's frame, which turns with its rotary axes. With the rotary axes at the
 program's zero they are those of the axes X Y Z under G43. The rotary axes follow their own words under G43.4;
 under G43.5 I J K give the tool's direction in the same frame.
-under G43.4, and in I J K under G43.5, the tool's direction in the same frame.
 """
 
 from __future__ import annotations
@@ -26,6 +25,7 @@ from mcserver.gcode.semantics.feed_time import FeedBasis, FeedMove
 from mcserver.gcode.semantics.program_places import absolute_end
 from mcserver.gcode.semantics.program_units import axis_scale
 from mcserver.gcode.semantics.rapids import NO_TIME
+from mcserver.gcode.semantics.tip_lines import BEND_SHARE, OWN_SHARE, tip_line
 from mcserver.gcode.semantics.tool_directions import turns_along
 from mcserver.gcode.semantics.tool_moves import NO_TRAVEL, report_unsolved, tool_curve
 from mcserver.gcode.semantics.travel_limits import check_travel
@@ -33,16 +33,8 @@ from mcserver.gcode.text.profile_words import Action, ProfileWords
 from mcserver.gcode.text.syntax import Command
 from mcserver.motion.canonical import FeedGroup, RapidGroup
 from mcserver.motion.geometry.curves import SampledCurve, TipLine
-from mcserver.units import MM, AxisType
+from mcserver.units import AxisType
 
-# Share of the tool's own tolerance by which the tip may deviate while all joints move evenly.
-OWN_SHARE = 0.8
-# Share of the path tolerance by which it may deviate in addition; corners get the rest.
-BEND_SHARE = 0.2
-# Greatest ratio of the rates beside the path to those sampled on it.
-LEVER_CHANGE = 1.02
-# Greatest ratio of the rates between samples to those at samples.
-FASTER_BETWEEN = 1.0005
 # shorter vectors have no direction [1]
 NO_DIRECTION = 1e-9
 # axes X, Y and Z
@@ -293,21 +285,12 @@ def _curve(way: _Way) -> SampledCurve:
 
 
 def _line(block: BlockState, way: _Way) -> TipLine | None:
-    """Return a straight line of the joints that keeps the tip within tolerance; None if there is none.
-
-    Corner tolerances are measured at the joints, as a share that surely keeps the tolerance at the tip.
-    """
+    """Return a straight line of the joints that keeps the tip within tolerance; None if there is none."""
     tool = way.control.tool
-    tolerance = block.path_tolerance
-    found = way.control.straight(way.lead, OWN_SHARE * tool.tolerance + BEND_SHARE * tolerance)
+    found = way.control.even_path(way.lead, OWN_SHARE * tool.tolerance + BEND_SHARE * block.path_tolerance)
     if found is None:
         return None
-    axes = tool.chain.axes
-    units = np.array([MM / block.setup.axes[axis].type.si_per_unit for axis in axes])
-    reach = float(np.linalg.svd(found.rates / units, compute_uv=False).max())
-    block.tolerance = (1.0 - BEND_SHARE) * tolerance / (LEVER_CHANGE * max(reach, 1.0))
-    start, end = (tuple(each.tolist()) for each in (way.lead.start, found.end))
-    return TipLine(axes, start, end, way.travel, way.control.rates, FASTER_BETWEEN * found.fastest)
+    return tip_line(block, tool.chain.axes, way.lead.start, found, way.travel, way.control.rates)
 
 
 def _arrive(block: BlockState, axes: tuple[int, ...], joints: Array) -> tuple[float, ...]:

@@ -15,11 +15,13 @@ from mcserver.gcode.semantics.axis_words import Words
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.feed_time import FeedBasis, FeedMove
 from mcserver.gcode.semantics.program_units import angle, length_scale, millimetres
+from mcserver.gcode.semantics.tip_lines import BEND_SHARE, OWN_SHARE, tip_line
 from mcserver.gcode.semantics.tool_pose import commanded_pose, start_pose, with_words
 from mcserver.gcode.text.profile_words import Action
 from mcserver.gcode.text.syntax import Command
 from mcserver.motion.canonical import RapidGroup
-from mcserver.motion.geometry.curves import LineCurve, SampledCurve
+from mcserver.motion.geometry.curves import LineCurve, SampledCurve, TipLine
+from mcserver.units import DEGREE, MM
 
 NO_TRAVEL = 1e-9  # m; below it a move only turns
 
@@ -64,30 +66,54 @@ def tool_feed_move(block: BlockState, command: Command, words: Words, number: in
         oriented = kinematics.has_orientation(tool)
         turn = kinematics.rotation_angle(tool, start.angles, end.angles) if oriented else 0.0
         measure = FeedBasis.TURN if travel <= NO_TRAVEL and turn > 0.0 else FeedBasis.PATH
-        joint_path = kinematics.solve_path(
-            tool,
-            ToolPath(
-                position=position,
-                derivative=derivative,
-                start_angles=start.angles if oriented else None,
-                end_angles=end.angles if oriented else None,
-            ),
-            block.commanded.path_starts(),
+        angles = (start.angles, end.angles) if oriented else (None, None)
+        tool_path = ToolPath(position, derivative, *angles)
+        length = turn if measure is FeedBasis.TURN else travel
+        rounded = block.path_tolerance > 0.0
+        line = (
+            _line(block, tool, tool_path, travel) if rounded and number == 1 and travel > NO_TRAVEL else None
         )
+        curve = line or _curve(block, tool, tool_path, length)
     except KinematicsError as error:
         report_unsolved(block, command, tool, error)
         _recover(block, tool, end)
         return None
-    curve = SampledCurve(
-        axes=tuple(joint_path.axes),
-        knots=joint_path.knots,
-        coefficients=joint_path.coefficients,
-        length=turn if measure is FeedBasis.TURN else travel,
+    block.feed_length += travel
+    _arrive(block, tool, end, tuple(curve.ends()[1].tolist()))
+    return FeedMove(command, curve, measure, block.modal.inverse_time, block.modal.feed)
+
+
+def _line(block: BlockState, tool: int, path: ToolPath, travel: float) -> TipLine | None:
+    """Return a straight line of the joints that keeps the tool within tolerance; None if there is none.
+
+    Raises:
+        ModelError: the joints are not at the path's start.
+    """
+    kinematics = block.setup.kinematics
+    assert kinematics is not None
+    bend = BEND_SHARE * block.path_tolerance
+    starts = block.commanded.path_starts()
+    # of an orientation a degree counts as a millimetre
+    found = kinematics.solve_even_path(tool, path, starts, OWN_SHARE, (bend, bend * DEGREE / MM))
+    if found is None:
+        return None
+    axes = tuple(kinematics.axes(tool))
+    start = np.array([starts[axis] for axis in axes])
+    return tip_line(block, axes, start, found, travel, partial(kinematics.jacobians, tool))
+
+
+def _curve(block: BlockState, tool: int, path: ToolPath, length: float) -> SampledCurve:
+    """Return the joints' path as a spline; raises `KinematicsError`."""
+    kinematics = block.setup.kinematics
+    assert kinematics is not None
+    found = kinematics.solve_path(tool, path, block.commanded.path_starts())
+    return SampledCurve(
+        axes=tuple(found.axes),
+        knots=found.knots,
+        coefficients=found.coefficients,
+        length=length,
         tool_rates=partial(kinematics.jacobians, tool) if block.path_tolerance > 0.0 else None,
     )
-    block.feed_length += travel
-    _arrive(block, tool, end, tuple(float(value) for value in curve.position(np.array([1.0]))[0]))
-    return FeedMove(command, curve, measure, block.modal.inverse_time, block.modal.feed)
 
 
 Found = tuple[int, Kinematics, Pose, Pose]

@@ -79,6 +79,7 @@ def segments_of_batch(
         feed=_feeds(run, lengths) * feed_scale,
         requested=requested,
         feed_speed=np.full(count, math.inf) if run.speeds is None else run.speeds * feed_scale,
+        lever=np.ones(count),
         tolerance=np.full(count, run.tolerance),
         arcs=arcs,
     )

@@ -59,6 +59,11 @@ class Curve(msgspec.Struct, frozen=True):
         """Greatest derivative of the path's length by s [m or rad]."""
         return self.length
 
+    @property
+    def lever(self) -> float:
+        """Greatest travel of a tool's tip by that of its joints, as the path tolerance measures both [1]."""
+        return 1.0
+
     def position(self, s: Array) -> Array:
         """Positions, shape (len(s), K) [m or rad]."""
         raise NotImplementedError
@@ -132,10 +137,12 @@ class TipLine(LineCurve, frozen=True):
     Attributes:
         length: of the tip's path [m]. max_path_rate: greatest derivative of the tip's path by s [m].
         tool_rates: Jacobian of the tip, at positions of ``axes``.
+        lever: as of `Curve`.
     """
 
     tool_rates: ToolRates | None = None
     max_path_rate: float = 0.0
+    lever: float = 1.0
 
 
 class ArcCurve(Curve, frozen=True):

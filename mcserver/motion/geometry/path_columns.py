@@ -24,7 +24,7 @@ Carried = tuple[tuple[int, ...], ...]
 # Columns of `PathColumns` that all segments have.
 EVERY = (
     "line", "active", "opens", "closes", "feed_scale", "kind", "spans", "bases", "travels", "ends",
-    "mask", "fed", "duration", "feed", "requested", "feed_speed", "tolerance",
+    "mask", "fed", "duration", "feed", "requested", "feed_speed", "lever", "tolerance",
 )  # fmt: skip
 
 
@@ -45,8 +45,8 @@ class PathColumns:
         line, active, opens, closes, feed_scale: as in `Segment`, shape (n,). kind: one of the kinds above.
         spans: scale, begin and finish, shape (n, 3). bases, travels, ends: `Segment.base`, ``first`` and
             ``end``, shape (n, K).
-        mask, feed, requested, feed_speed, tolerance: as in `Segment`, shape (n,). fed: ``feed_columns`` as
-            bits. duration: NaN without a T.
+        mask, feed, requested, feed_speed, lever, tolerance: as in `Segment`, shape (n,). fed:
+            ``feed_columns`` as bits. duration: NaN without a T.
         arcs: `Segment.arc`, shape (n, `ARC`), rows of other segments unset; None without arcs.
         domains: spline parameters at s = 0 and 1, shape (n, 2), rows of other segments unset; None without
             splines.
@@ -70,6 +70,7 @@ class PathColumns:
     feed: Array
     requested: Array
     feed_speed: Array
+    lever: Array
     tolerance: Array
     arcs: Array | None = None
     domains: Array | None = None
@@ -108,6 +109,7 @@ class PathColumns:
             feed=np.array([each.feed for each in segments]),
             requested=np.array([each.requested for each in segments]),
             feed_speed=np.array([each.feed_speed for each in segments]),
+            lever=np.array([each.lever for each in segments]),
             tolerance=np.array([each.tolerance for each in segments]),
             arcs=_arc_rows(arcs),
             domains=domains,

@@ -122,6 +122,7 @@ class Segment(msgspec.Struct, eq=False, gc=False):
         straight: whether all its curves are lines.
         arc: row of a single arc for `mcserver.motion.kernels.arc_segments`; None: something else.
         carried: tools chosen before it, which determine the payload.
+        lever: of a straight segment that moves a tool's tip, `Curve.lever`; else 1.
         tolerance: how far the corner at its start may be rounded [m]. corner: result of the last search for a
             time-domain blend there.
     """
@@ -148,6 +149,7 @@ class Segment(msgspec.Struct, eq=False, gc=False):
     straight: bool = False
     feed_speed: float = math.inf
     feed_columns: NDArray[np.intp] = msgspec.field(default_factory=lambda: _NO_COLUMNS)
+    lever: float = 1.0
     tolerance: float = 0.0
     corner: KnownBlend | None = None
     carried: tuple[int, ...] = ()
@@ -159,6 +161,12 @@ class Segment(msgspec.Struct, eq=False, gc=False):
         """Whether it moves exactly the columns that the path speed counts."""
         counted: int = sum(1 << column for column in self.feed_columns.tolist())
         return self.mask == counted
+
+    @property
+    def is_plain_line(self) -> bool:
+        """Whether it is a straight line of just the columns that the path speed counts, and leads no tip."""
+        led = any(curve.tool_rates is not None for curve in self.curves)
+        return self.straight and self.only_feed_columns and not led
 
     @property
     def may_be_split(self) -> bool:
@@ -301,6 +309,7 @@ def segment_of(
         feed_speed=feed_speed,
         feed_columns=feed_columns,
         carried=group.carried,
+        lever=max(curve.lever for curve in group.curves),
         arc=None if arc is None or len(columns) > 1 else np.concatenate((columns[0][:2], arc)),
     )
     return segment if feed_scale == 1.0 else segment.at_feed_scale(feed_scale)

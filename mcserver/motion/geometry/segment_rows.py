@@ -75,6 +75,7 @@ class SegmentRows:
             straight=kind == STRAIGHT,
             feed_speed=float(path.feed_speed[index]),
             feed_columns=columns_of(int(path.fed[index])),
+            lever=float(path.lever[index]),
             tolerance=float(path.tolerance[index]),
             carried=() if path.carried is None else path.carried[index],
             feed_scale=float(path.feed_scale[index]),

@@ -96,7 +96,7 @@ def _quickest(
         speed: over the corner itself. overlaps: whether a time-domain blend may replace a stop there.
         at_joints: whether the joint tolerance may be used too.
     """
-    if before.straight and after.straight and before.only_feed_columns and after.only_feed_columns:
+    if before.is_plain_line and after.is_plain_line:
         found = straight_blend(before, after, HANDLE, TOLERANCE_SHARES, limits, 0.0)
         if found is not None and speed <= 0.0 and overlaps:
             gain = _gain_in_time(limits, before, after)

@@ -41,7 +41,8 @@ class Chords:
     """Consecutive lines in the metric of the tolerance: metres, a degree counting as a millimetre.
 
     Attributes:
-        lengths: shape (n,). turns, tolerances: at the vertices between them, shape (n-1,). even: for each
+        lengths: shape (n,). turns, tolerances: at the vertices between them, shape (n-1,), of joints that
+            lead a tool's tip so that the tip keeps its tolerance. even: for each
             inner line, whether the vertices at both ends turn alike, shape (n-2,).
     """
 
@@ -63,7 +64,9 @@ class Chords:
         even = np.minimum(one, other) >= ALIKE * np.maximum(one, other)
         even &= np.einsum("ij,ij->i", bends[:-1], bends[1:]) >= SAME_WAY * one * other
         remaining = path.spans[:, 2] - path.spans[:, 1]
-        return cls(lengths * remaining, turns, path.tolerance[1:], even)
+        # of a tool's tip where that may move most for its joints
+        tolerances = path.tolerance[1:] / np.maximum(path.lever[:-1], path.lever[1:])
+        return cls(lengths * remaining, turns, tolerances, even)
 
     def bends(self, vertex: int) -> bool:
         """Return whether a curve may pass a vertex."""

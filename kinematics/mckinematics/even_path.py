@@ -1,0 +1,71 @@
+"""Short paths of a tool on which all joints may go evenly: lines in joint space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mckinematics.next_pose import solve_near
+from mckinematics.path_solver import CLEAR_GAIN
+from mckinematics.pose import Array, ToolPath
+from mckinematics.target_path import TargetPath
+from mckinematics.tool import ToolModel
+
+# s at which the tool is compared with its path
+SAMPLES = np.linspace(0.0, 1.0, 5)
+SAMPLES.setflags(write=False)
+
+
+@dataclass(frozen=True)
+class EvenPath:
+    """Joints that go evenly from where they are.
+
+    Attributes:
+        end: shape (K,), the joints at s = 1. fastest: the tool's greatest speed by s [m].
+        rates: of the tool by those of the joints at both ends, shape (2, 3 or 6, K).
+    """
+
+    end: Array
+    fastest: float
+    rates: Array
+
+    @classmethod
+    def of(cls, start: Array, end: Array, rates: Array) -> EvenPath:
+        """Return the path from ``start`` to ``end`` with the tool's rates at `SAMPLES`."""
+        fastest = float(np.linalg.norm(rates[:, :3] @ (end - start), axis=1).max())
+        return cls(end, fastest, rates[:: len(SAMPLES) - 1])
+
+
+def solve_even_path(
+    tool: ToolModel, path: ToolPath, joints: Array, allowed: float, allowed_angle: float
+) -> EvenPath | None:
+    """Return the joints going evenly along a tool's path.
+
+    Args:
+        joints: at the path's start, shape (K,).
+        allowed [m], allowed_angle [rad]: how far the tool may be off its path; of both only shares that
+            make one together.
+
+    Returns:
+        None where the tool would be off further, where the path's end is not near or past a limit, where
+        joints go wild, or where the chain has too few joints for poses: `solve_tool_path` decides then.
+
+    Raises:
+        ModelError: the joints are not at the path's start.
+    """
+    if tool.rank < tool.rows:
+        return None
+    targets = TargetPath(tool, path, joints)
+    end = solve_near(tool, targets.at(SAMPLES[-1:]), joints)
+    if end is None:
+        return None
+    travel = end - joints
+    residual, rates = tool.linearise(joints + SAMPLES[:, None] * travel, targets.at(SAMPLES))
+    off = np.linalg.norm(residual[:, :3], axis=1) / allowed
+    if tool.orientation:
+        off = np.hypot(off, np.linalg.norm(residual[:, 3:], axis=1) / allowed_angle)
+    speed = tool.tool_speed(targets.rates(SAMPLES[:1]))[0]
+    if not off.max() <= 1.0 or tool.joint_speed(travel[None])[0] > CLEAR_GAIN * speed:
+        return None
+    return EvenPath.of(joints, end, rates)

@@ -1,0 +1,95 @@
+"""Short lines on which all joints of a tool go evenly, and where they must not."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mckinematics.errors import ModelError
+from mckinematics.even_path import EvenPath
+from mckinematics.pose import Triple
+from mckinematics.solver import MachineKinematics
+
+from tests.kinematics import arm7
+from tests.kinematics.test_other_chains import PLANAR
+from tests.kinematics.tool_machines import built_in, chain_machine
+from tests.kinematics.tool_paths import line
+
+MACHINE, ARM, START = built_in("arm6")
+HOME = ARM.pose(1, START)
+NEAR, NEAR_ANGLE = 2e-5, math.radians(0.02)
+
+
+def even(
+    travel: Triple,
+    turn: Triple = (0.0, 0.0, 0.0),
+    *,
+    arm: MachineKinematics = ARM,
+    joints: dict[int, float] = START,
+    more: tuple[float, float] = (NEAR, NEAR_ANGLE),
+) -> EvenPath | None:
+    pose = arm.pose(1, joints)
+    end, angles = np.add(pose.position, travel), np.add(pose.angles, turn).tolist()
+    return arm.solve_even_path(1, line(pose.position, end, pose.angles, tuple(angles)), joints, 0.0, more)
+
+
+def test_a_short_line_ends_at_its_pose_and_stays_near_on_the_way() -> None:
+    travel, turn = (0.002, -0.001, 0.0015), (0.004, -0.003, 0.002)
+    found = even(travel, turn)
+    assert found is not None
+    end = ARM.pose(1, dict(enumerate(found.end)))
+    np.testing.assert_allclose(end.position, np.add(HOME.position, travel), atol=2e-8)
+    np.testing.assert_allclose(end.angles, np.add(HOME.angles, turn), atol=2e-8)
+    start = np.array([START[axis] for axis in range(6)])
+    for share in np.linspace(0.0, 1.0, 41):
+        pose = ARM.pose(1, dict(enumerate(start + share * (found.end - start))))
+        assert math.dist(pose.position, np.add(HOME.position, share * np.array(travel))) <= NEAR
+    assert found.fastest == pytest.approx(math.hypot(*travel), rel=0.01)
+    assert found.rates.shape == (2, 6, 6)
+    np.testing.assert_allclose(found.rates[0], ARM.jacobians(1, start[None])[0], atol=1e-12)
+
+
+def test_a_line_that_bows_too_far_is_left_to_the_path_solver() -> None:
+    assert even((0.06, 0.0, 0.0)) is None
+    assert even((0.06, 0.0, 0.0), more=(2e-3, math.radians(2.0))) is not None
+    # the tip stays, but is turned too unevenly
+    assert even((0.0, 0.001, 0.0), (0.0, 0.5, 0.3), more=(1.0, 1e-5)) is None
+
+
+def test_joints_do_not_go_wild_past_a_singular_wrist() -> None:
+    # two axes of the wrist are in line: half a turn of the one and back of the other lets the tip stay
+    straight = {**START, 4: math.radians(0.01)}
+    assert even((1e-5, 1e-5, 0.0), (0.0, 0.0, 0.0), joints=straight, more=(1e-3, 0.1)) is None
+
+
+def test_a_line_past_a_limit_is_left_to_the_path_solver() -> None:
+    low, high = MACHINE.axes[0].min_position, MACHINE.axes[0].max_position
+    for limit, side in ((high, 1.0), (low, -1.0)):
+        at_limit = {**START, 0: limit - side * 1e-5}
+        x, y, _ = ARM.pose(1, at_limit).position
+        across = np.array([-y, x, 0.0]) / math.hypot(x, y) * 1e-3 * side
+        assert (
+            even(tuple(across.tolist()), (0.0, 0.0, side * 1e-3 / math.hypot(x, y)), joints=at_limit) is None
+        )
+
+
+def test_joints_away_from_the_start_are_refused() -> None:
+    away = np.add(HOME.position, (0.001, 0.0, 0.0))
+    with pytest.raises(ModelError, match="starts"):
+        ARM.solve_even_path(1, line(away, away, HOME.angles, HOME.angles), START, 1.0, (NEAR, NEAR_ANGLE))
+
+
+def test_a_chain_with_a_joint_to_spare_goes_evenly_too(tmp_path: Path) -> None:
+    start = dict(enumerate(np.radians(arm7.START)))
+    arm = MachineKinematics(arm7.machine(tmp_path))
+    found = even((0.001, 0.0, -0.001), arm=arm, joints=start)
+    assert found is not None
+    goal = np.add(arm.pose(1, start).position, (0.001, 0.0, -0.001))
+    np.testing.assert_allclose(arm.pose(1, dict(enumerate(found.end))).position, goal, atol=2e-8)
+
+
+def test_a_chain_with_too_few_joints_is_left_to_the_path_solver(tmp_path: Path) -> None:
+    planar = MachineKinematics(chain_machine(tmp_path, PLANAR))
+    assert even((0.0, 0.001, 0.0), arm=planar, joints={0: 0.5, 1: 1.0}) is None
