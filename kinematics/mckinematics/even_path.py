@@ -24,32 +24,39 @@ class EvenPath:
     Attributes:
         end: shape (K,), the joints at s = 1. fastest: the tool's greatest speed by s [m].
         rates: of the tool by those of the joints at both ends, shape (2, 3 or 6, K).
+        off [m], off_angle [rad]: how far the tool is off its path.
     """
 
     end: Array
     fastest: float
     rates: Array
+    off: float
+    off_angle: float
 
     @classmethod
-    def of(cls, start: Array, end: Array, rates: Array) -> EvenPath:
-        """Return the path from ``start`` to ``end`` with the tool's rates at `SAMPLES`."""
+    def of(cls, start: Array, end: Array, rates: Array, residual: Array) -> EvenPath:
+        """Return the path from ``start`` to ``end``.
+
+        Args:
+            rates, residual: at `SAMPLES`, the tool's rates, shape (n, rows, K), and what it misses its
+                path by, shape (n, rows) [m, rad].
+        """
         fastest = float(np.linalg.norm(rates[:, :3] @ (end - start), axis=1).max())
-        return cls(end, fastest, rates[:: len(SAMPLES) - 1])
+        off, off_angle = (
+            float(np.linalg.norm(part, axis=1).max()) for part in (residual[:, :3], residual[:, 3:])
+        )
+        return cls(end, fastest, rates[:: len(SAMPLES) - 1], off, off_angle)
 
 
-def solve_even_path(
-    tool: ToolModel, path: ToolPath, joints: Array, allowed: float, allowed_angle: float
-) -> EvenPath | None:
+def solve_even_path(tool: ToolModel, path: ToolPath, joints: Array) -> EvenPath | None:
     """Return the joints going evenly along a tool's path.
 
     Args:
         joints: at the path's start, shape (K,).
-        allowed [m], allowed_angle [rad]: how far the tool may be off its path; of both only shares that
-            make one together.
 
     Returns:
-        None where the tool would be off further, where the path's end is not near or past a limit, where
-        joints go wild, or where the chain has too few joints for poses: `solve_tool_path` decides then.
+        None where the path's end is not near or past a limit, where joints go wild, or where the chain has
+        too few joints for poses: `solve_tool_path` decides then.
 
     Raises:
         ModelError: the joints are not at the path's start.
@@ -61,11 +68,8 @@ def solve_even_path(
     if end is None:
         return None
     travel = end - joints
-    residual, rates = tool.linearise(joints + SAMPLES[:, None] * travel, targets.at(SAMPLES))
-    off = np.linalg.norm(residual[:, :3], axis=1) / allowed
-    if tool.orientation:
-        off = np.hypot(off, np.linalg.norm(residual[:, 3:], axis=1) / allowed_angle)
     speed = tool.tool_speed(targets.rates(SAMPLES[:1]))[0]
-    if not off.max() <= 1.0 or tool.joint_speed(travel[None])[0] > CLEAR_GAIN * speed:
+    if tool.joint_speed(travel[None])[0] > CLEAR_GAIN * speed:
         return None
-    return EvenPath.of(joints, end, rates)
+    residual, rates = tool.linearise(joints + SAMPLES[:, None] * travel, targets.at(SAMPLES))
+    return EvenPath.of(joints, end, rates, residual)

@@ -110,12 +110,11 @@ class Kinematics(Protocol):
     def solve_path(self, tool: int, path: ToolPath, joints: Mapping[int, float]) -> JointPath:
         """Joint path that starts at ``joints``; raises `KinematicsError`; nothing is clipped."""
 
-    def solve_even_path(
-        self, tool: int, path: ToolPath, joints: Mapping[int, float], share: float, more: tuple[float, float]
-    ) -> EvenPath | None:
-        """Joints going evenly from ``joints`` where they may be off the path by a share of the tool's
-        tolerances and so much more [m, rad]; None where `solve_path` has to decide; raises `ModelError`.
-        """
+    def solve_even_path(self, tool: int, path: ToolPath, joints: Mapping[int, float]) -> EvenPath | None:
+        """Joints going evenly from ``joints``; None where `solve_path` has to decide; raises `ModelError`."""
+
+    def tolerances(self, tool: int) -> tuple[float, float]:
+        """How far the tool may be off its path [m, rad] (D-54)."""
 
     def check_beside(
         self, tool: int, path: Array, shares: Array, direction: Triple, window: tuple[float, float]

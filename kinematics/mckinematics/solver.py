@@ -128,21 +128,19 @@ class MachineKinematics:
         model = self.tool(tool)
         return solve_tool_path(model, path, _column(model, joints))
 
-    def solve_even_path(
-        self, tool: int, path: ToolPath, joints: Mapping[int, float], share: float, more: tuple[float, float]
-    ) -> EvenPath | None:
+    def solve_even_path(self, tool: int, path: ToolPath, joints: Mapping[int, float]) -> EvenPath | None:
         """The joints going evenly from ``joints`` along ``path``; None where `solve_path` has to decide.
-
-        Args:
-            share: of the tool's tolerances by which it may be off its path. more: how far it may be off in
-                addition [m, rad].
 
         Raises:
             ModelError: the joints are not at the path's start.
         """
         model = self.tool(tool)
-        allowed = share * model.tolerance + more[0], share * model.tolerance_angle + more[1]
-        return solve_even_path(model, path, _column(model, joints), *allowed)
+        return solve_even_path(model, path, _column(model, joints))
+
+    def tolerances(self, tool: int) -> tuple[float, float]:
+        """How far the tool may be off its path [m, rad] (D-54)."""
+        model = self.tool(tool)
+        return model.tolerance, model.tolerance_angle
 
     def check_beside(
         self, tool: int, path: Array, shares: Array, direction: Triple, window: tuple[float, float]

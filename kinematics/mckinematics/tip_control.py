@@ -115,24 +115,13 @@ class TipControl:
         joints[:, self.sliding] = _solved(rates[:, :3, self.sliding], points - tips)
         return joints
 
-    def even_path(self, lead: Lead, allowed: float) -> EvenPath | None:
-        """Return the joints going evenly to the path's end; None where the tip leaves its path too far.
-
-        Args:
-            allowed: how far it may be off [m].
-
-        Raises:
-            JointLimit: a joint would pass its limit.
-        """
+    def even_path(self, lead: Lead) -> EvenPath:
+        """Return the joints going evenly to the path's end, past limits too (`refuse_beyond`)."""
         last = lead.position(np.ones(1))
         end = self.solve(last, lead.turns[None])[0]
         travel = end - lead.start
         tips, rates = self._linearise(lead.start + SAMPLES[:, None] * travel)
-        off = tips - lead.position(SAMPLES)
-        if float(np.einsum("ij,ij->i", off, off).max()) > allowed * allowed:
-            return None
-        self.refuse_beyond(end, last[0], 1.0)
-        return EvenPath.of(lead.start, end, rates[:, :3])
+        return EvenPath.of(lead.start, end, rates[:, :3], lead.position(SAMPLES) - tips)
 
     def path(self, lead: Lead) -> JointPath:
         """Joint path that keeps the tip on its path within the tool's tolerance.

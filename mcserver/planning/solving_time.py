@@ -42,12 +42,10 @@ class TimedKinematics:
         with self._measured():
             return self._kinematics.solve_path(tool, path, joints)
 
-    def solve_even_path(
-        self, tool: int, path: ToolPath, joints: Mapping[int, float], share: float, more: tuple[float, float]
-    ) -> EvenPath | None:
-        """Joints going evenly along a tool's path, if they may; raises `ModelError`."""
+    def solve_even_path(self, tool: int, path: ToolPath, joints: Mapping[int, float]) -> EvenPath | None:
+        """Joints going evenly along a tool's path; raises `ModelError`."""
         with self._measured():
-            return self._kinematics.solve_even_path(tool, path, joints, share, more)
+            return self._kinematics.solve_even_path(tool, path, joints)
 
     @contextmanager
     def _measured(self) -> Iterator[None]:

@@ -25,7 +25,7 @@ from mcserver.gcode.semantics.feed_time import FeedBasis, FeedMove
 from mcserver.gcode.semantics.program_places import absolute_end
 from mcserver.gcode.semantics.program_units import axis_scale
 from mcserver.gcode.semantics.rapids import NO_TIME
-from mcserver.gcode.semantics.tip_lines import BEND_SHARE, OWN_SHARE, tip_line
+from mcserver.gcode.semantics.tip_lines import tip_line
 from mcserver.gcode.semantics.tool_directions import turns_along
 from mcserver.gcode.semantics.tool_moves import NO_TRAVEL, report_unsolved, tool_curve
 from mcserver.gcode.semantics.travel_limits import check_travel
@@ -285,12 +285,19 @@ def _curve(way: _Way) -> SampledCurve:
 
 
 def _line(block: BlockState, way: _Way) -> TipLine | None:
-    """Return a straight line of the joints that keeps the tip within tolerance; None if there is none."""
-    tool = way.control.tool
-    found = way.control.even_path(way.lead, OWN_SHARE * tool.tolerance + BEND_SHARE * block.path_tolerance)
-    if found is None:
-        return None
-    return tip_line(block, tool.chain.axes, way.lead.start, found, way.travel, way.control.rates)
+    """Return a straight line of the joints that keeps the tip within tolerance; None if there is none.
+
+    Raises:
+        JointLimit: a joint would pass its limit.
+    """
+    control, start = way.control, way.lead.start
+    found = control.even_path(way.lead)
+    tool = control.tool
+    own = tool.tolerance, tool.tolerance_angle
+    line = tip_line(block, tool.chain.axes, start, found, own, way.travel, control.rates)
+    if line is not None:
+        control.refuse_beyond(found.end, way.lead.position(np.ones(1))[0], 1.0)
+    return line
 
 
 def _arrive(block: BlockState, axes: tuple[int, ...], joints: Array) -> tuple[float, ...]:

@@ -15,13 +15,12 @@ from mcserver.gcode.semantics.axis_words import Words
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.feed_time import FeedBasis, FeedMove
 from mcserver.gcode.semantics.program_units import angle, length_scale, millimetres
-from mcserver.gcode.semantics.tip_lines import BEND_SHARE, OWN_SHARE, tip_line
+from mcserver.gcode.semantics.tip_lines import tip_line
 from mcserver.gcode.semantics.tool_pose import commanded_pose, start_pose, with_words
 from mcserver.gcode.text.profile_words import Action
 from mcserver.gcode.text.syntax import Command
 from mcserver.motion.canonical import RapidGroup
 from mcserver.motion.geometry.curves import LineCurve, SampledCurve, TipLine
-from mcserver.units import DEGREE, MM
 
 NO_TRAVEL = 1e-9  # m; below it a move only turns
 
@@ -91,15 +90,14 @@ def _line(block: BlockState, tool: int, path: ToolPath, travel: float) -> TipLin
     """
     kinematics = block.setup.kinematics
     assert kinematics is not None
-    bend = BEND_SHARE * block.path_tolerance
     starts = block.commanded.path_starts()
-    # of an orientation a degree counts as a millimetre
-    found = kinematics.solve_even_path(tool, path, starts, OWN_SHARE, (bend, bend * DEGREE / MM))
+    found = kinematics.solve_even_path(tool, path, starts)
     if found is None:
         return None
     axes = tuple(kinematics.axes(tool))
     start = np.array([starts[axis] for axis in axes])
-    return tip_line(block, axes, start, found, travel, partial(kinematics.jacobians, tool))
+    rates = partial(kinematics.jacobians, tool)
+    return tip_line(block, axes, start, found, kinematics.tolerances(tool), travel, rates)
 
 
 def _curve(block: BlockState, tool: int, path: ToolPath, length: float) -> SampledCurve:
