@@ -448,7 +448,7 @@ _TEXT: dict[int, tuple[str, str]] = {
         "axis {axis} is further from where its leader has it, or the tool that it moves, than the tolerance "
         "of its follow",
         "a slower leader, a lower ratio or a smoother cam, more max_acceleration or max_jerk, or a wider "
-        "tolerance",
+        "tolerance; near the end of a tool's reach a joint is too slow for it: work away from there",
     ),
     FaultCode.LEADER_LOST: (
         "axis {axis}, which another one follows, is off, at fault or silent",
