@@ -48,6 +48,13 @@ def test_a_line_keeps_the_t_that_it_was_entered_for_whatever_comes_behind_it(see
     assert broken_laws(plan(machine, moves, commits=commits)) == []
 
 
+# 6000034: a line that cannot keep its T, behind one whose end is slowed down to keep its own, ended before it.
+@pytest.mark.parametrize("seed", [6000034])
+def test_a_late_line_beside_a_slowed_one_does_not_end_before_its_t(seed: int) -> None:
+    machine, moves, commits = program_of(seed)
+    assert broken_laws(plan(machine, moves, commits=commits)) == []
+
+
 # 97041: the greatest velocity of an axis was passed where speed turned between two nodes; 101241: an F.
 @pytest.mark.parametrize("seed", [97041, 101241])
 def test_a_stretch_that_is_solved_as_a_whole_keeps_its_speeds_between_nodes(seed: int) -> None:

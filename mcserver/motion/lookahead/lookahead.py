@@ -321,7 +321,7 @@ class Lookahead:
         if solution.late:
             solution = release_late(solver, solution, junction_vmax, groups.edges, attempt)
         if solution.early:
-            solution = slow_early(solver, solution, junction_vmax, attempt)
+            solution = slow_early(solver, solution, junction_vmax, groups.edges, attempt)
         profile = self._quickened(segments, groups, solver, solution)
         phases = join_phases(profile.phases, float(groups.edges[-1]), profile.uncut)
         times = phases.time_at(groups.bounds)
@@ -333,7 +333,7 @@ class Lookahead:
         held = np.zeros(len(self.table), np.bool_)
         held[groups.starts] = solver.held
         at_edges = np.append(times[groups.starts], times[-1])
-        return _Law(groups, solution, phases, times, held, late_groups(solver, at_edges), solver.run)
+        return _Law(groups, solution, phases, times, held, late_groups(solver, at_edges), solution.limits)
 
     def _quickened(
         self, segments: Segments, groups: Groups, solver: KnotSolver, solution: Solution
@@ -344,7 +344,7 @@ class Lookahead:
         if timed.any():
             late[late_groups(solver, solution.times(groups.edges))] = True
         return quicker_stretches(
-            solver.run.run,
+            solution.limits.run,
             groups,
             # a late group is limited to its mean speed, or it would end before its T
             np.fmin(np.minimum.reduceat(columns.feed, groups.starts), solver.means),

@@ -134,12 +134,32 @@ def _missed(took: Array, durations: Array) -> NDArray[np.bool_]:
 
 
 def slow_early(
-    solver: KnotSolver, solution: Solution, junction_vmax: Array, attempt: Callable[[Array], Solution]
+    solver: KnotSolver,
+    solution: Solution,
+    junction_vmax: Array,
+    edges: Array,
+    attempt: Callable[[Array], Solution],
 ) -> Solution:
     """Lower junction speeds of early segments until none is early, as far as possible.
 
     Under a jerk limit a change to a lower speed may need more distance than a stop: then stops are tried.
+    A released line beside them that would then be early is limited to its mean speed.
     """
+    solution = _lower_ends(solver, solution, junction_vmax, attempt)
+    free = ~solver.held & np.isfinite(solver.durations)
+    early = free & _missed(-np.diff(solution.times(edges)), -solver.durations)
+    if early.any():
+        unlimited, solver.flow_vmax = solver.flow_vmax, np.where(early, solver.means, solver.flow_vmax)
+        try:
+            return attempt(junction_vmax)
+        except PlanningError:
+            solver.flow_vmax = unlimited
+    return solution
+
+
+def _lower_ends(
+    solver: KnotSolver, solution: Solution, junction_vmax: Array, attempt: Callable[[Array], Solution]
+) -> Solution:
     for _ in range(SLOWDOWNS):
         found = _slower(solver, solution, junction_vmax, attempt)
         if found is None:

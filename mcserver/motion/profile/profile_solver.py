@@ -40,14 +40,16 @@ class Solution:
         phases: rows of `mcserver.motion.kernels.phases`. first: the first phase after each knot, and one
             past the last, shape (k,). late: held groups that take longer than their T, in order.
         early: held groups that end before it: the speeds at their ends leave no slower profile.
+        limits: that it was solved within.
     """
 
     knots: NDArray[np.intp]
     speeds: Array
     phases: Array
     first: NDArray[np.intp]
-    late: tuple[int, ...] = ()
-    early: tuple[int, ...] = ()
+    late: tuple[int, ...]
+    early: tuple[int, ...]
+    limits: RunLimits
 
     def times(self, edges: Array) -> Array:
         """Return the times at σ's ``edges`` (n+1,) [s]."""
@@ -124,6 +126,7 @@ class KnotSolver:
                     np.append(starts, len(phases)),
                     tuple(knots[:-1][timings == LATE].tolist()),
                     tuple(knots[:-1][timings == EARLY].tolist()),
+                    self.run,
                 )
         raise PlanningError(self._table.segments[int(self._groups.starts[blamed])].line)
 
