@@ -21,7 +21,15 @@ from mcserver.service.line_queue import LineQueue
 from mcserver.service.program import Program
 from mcserver.service.program_access import find_program, owned_program
 from mcserver.service.program_options import ProgramOptions
-from mcserver.service.reports import Ack, Event, Fault, MachineState, ProgramState
+from mcserver.service.reports import (
+    Ack,
+    AxesStatus,
+    Event,
+    Fault,
+    MachineState,
+    MachineStatus,
+    ProgramState,
+)
 from mcserver.service.timebase import Timebase
 
 CYCLE_S = 0.001
@@ -150,19 +158,19 @@ class LightMachine:
             elif program.done != program.reported:
                 self._on_ack(program.ack())
 
-    def status(self) -> wire.MachineStatus:
+    def status(self) -> MachineStatus:
         self.advance()
         now = self._clock()
         count = len(self._axes)
         angle = 2.0 * math.pi * self._moved_s / SWING_S
         position = [SWING_MM * math.sin(angle + axis) - SWING_MM * math.sin(axis) for axis in self._axes]
         moving = any(each.state == "running" and not each.ended for each in self._programs.values())
-        return wire.MachineStatus(
+        return MachineStatus(
             t=now - self._epoch,
             wall=now,
             instance=self._instance,
             state=self.state,
-            axes=wire.AxesStatus(
+            axes=AxesStatus(
                 index=self._axes,
                 position=position,
                 setpoint=position,

@@ -9,11 +9,11 @@ import time
 
 import msgspec
 
+from mcserver.net import qos
 from mcserver.net.defects import DefectLog
 from mcserver.net.keys import Keys
 from mcserver.net.messages import TelemetryBlock
 from mcserver.net.publishing import PublishingThread
-from mcserver.net.qos import axis_qos, batch_qos, state_qos
 from mcserver.net.session import ZenohSession, is_zenoh_fault
 from mcserver.net.status import CYCLES_A_MESSAGE, STATE_HZ, EdgeUnits, machine_status
 from mcserver.service.executor_port import ExecutorPort
@@ -45,7 +45,7 @@ class StateTelemetry:
         self._publishing = publishing
         self._units = EdgeUnits(service.machine)
         self._encode = msgspec.msgpack.Encoder().encode
-        self._state = session.matched_publisher(keys.telemetry_state, state_qos())
+        self._state = session.matched_publisher(keys.telemetry_state, qos.STATE)
 
     async def run(self) -> None:
         """Publish until cancelled, at absolute times, so that the period does not drift."""
@@ -59,7 +59,7 @@ class StateTelemetry:
                 self._publishing.put(self._state.put, self._encode(state))
             else:
                 # remaining times are updated even without subscribers
-                self._service.estimate()
+                self._service.forecasts.estimate()
 
 
 class CycleTelemetry:
@@ -78,9 +78,9 @@ class CycleTelemetry:
         self._period_s = CYCLES_A_MESSAGE * service.machine.cycle_s
         self._units = EdgeUnits(service.machine)
         self._encode = msgspec.msgpack.Encoder().encode
-        self._batch = session.matched_publisher(keys.telemetry_batch, batch_qos())
+        self._batch = session.matched_publisher(keys.telemetry_batch, qos.BATCH)
         self._axes = [
-            session.matched_publisher(keys.telemetry_axis(axis.index), axis_qos())
+            session.matched_publisher(keys.telemetry_axis(axis.index), qos.AXIS)
             for axis in service.machine.axes
         ]
         self._next_cycle = 0

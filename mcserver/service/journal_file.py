@@ -165,25 +165,35 @@ class JournalBounds(msgspec.Struct, frozen=True):
     commands: int = 100_000
 
 
+@contextlib.contextmanager
+def refusing_unusable(path: Path) -> Iterator[None]:
+    """Convert errors of the disk and of SQLite in the block.
+
+    Raises:
+        ServiceError: MC520 the journal cannot be used.
+    """
+    try:
+        yield
+    except (sqlite3.Error, OSError) as error:
+        raise ServiceError(
+            "MC520", f"the journal {path} cannot be used: {error}", "give a writable file with --journal"
+        ) from error
+
+
 def open_journal(path: Path) -> sqlite3.Connection:
     """Return a connection in WAL mode with the schema created, for use in one thread at a time.
 
     Raises:
         ServiceError: MC520 the file is not a journal of this version, or cannot be written.
     """
-    try:
+    with refusing_unusable(path), contextlib.ExitStack() as failed:
         # SQLite gives its files beside it the same permissions
         os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600))
         # only explicit transactions: a single statement commits itself, without BEGIN and COMMIT
         connection = sqlite3.connect(path, check_same_thread=False, timeout=1.0, isolation_level=None)
-        with contextlib.ExitStack() as failed:
-            failed.callback(connection.close)
-            _prepare(connection, path)
-            failed.pop_all()
-    except (sqlite3.Error, OSError) as error:
-        raise ServiceError(
-            "MC520", f"the journal {path} cannot be used: {error}", "give a writable file with --journal"
-        ) from error
+        failed.callback(connection.close)
+        _prepare(connection, path)
+        failed.pop_all()
     return connection
 
 
