@@ -7,7 +7,7 @@ progress the script gives.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -291,12 +291,17 @@ def _opened(program: Program) -> dict[str, Any]:
     }
 
 
-def scripted(why: str, **options: Any) -> Callable[[Callable[[Script], None]], Callable[[], Script]]:
-    """Make of what plays a script the sequence of its name; ``why`` and options as of `Script`."""
+Played = TypeVar("Played")
 
-    def made(play: Callable[[Script], None]) -> Callable[[], Script]:
-        def sequence() -> Script:
-            script = Script(play.__name__.strip("_").replace("_", " "), why, **options)
+
+def scripted(
+    kind: Callable[..., Played], why: str, **options: Any
+) -> Callable[[Callable[[Played], None]], Callable[[], Played]]:
+    """Turn a function that plays a script into a sequence of its name; ``why`` and options as of ``kind``."""
+
+    def made(play: Callable[[Played], None]) -> Callable[[], Played]:
+        def sequence() -> Played:
+            script = kind(play.__name__.strip("_").replace("_", " "), why, **options)
             play(script)
             return script
 
