@@ -30,7 +30,7 @@ class Script:
     """Notes the steps of one sequence.
 
     Args:
-        name: of the sequence, which is its file's name too.
+        name: of the sequence and of its file.
         why: what a client has to get right.
         chunk_lines: how many lines the client may put into one message.
         room: how many lines wait at the server at most: the credit.

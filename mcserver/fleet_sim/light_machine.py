@@ -307,13 +307,6 @@ class LightMachine:
         )
 
     def _info(self) -> Info:
-        axis = {
-            "type": "linear",
-            "unit": "mm",
-            "max_velocity": 200.0,
-            "max_acceleration": 1000.0,
-            "drive": "simulated",
-        }
         return Info(
             machine=self.name,
             server="light",
@@ -321,7 +314,7 @@ class LightMachine:
             instance=self._instance,
             epoch=self._epoch,
             cycle_s=CYCLE_S,
-            axes=[AxisInfo(index=index, **axis) for index in self._axes],  # type: ignore[arg-type]
+            axes=[AxisInfo(index, "linear", "mm", 200.0, 1000.0, "simulated") for index in self._axes],
             tools=[],
             telemetry=TelemetryInfo(self._axes, list(TELEMETRY_FIELDS), CYCLES_A_MESSAGE, 0.0),
             limits=limits_info(at_once=OPEN_PROGRAMS, opened=OPEN_PROGRAMS),

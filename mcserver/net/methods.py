@@ -51,17 +51,7 @@ def machine_methods(
     drives: OperatorAccess | None,
     recorder: RecorderClient | None = None,
 ) -> dict[str, Handler]:
-    """Bind every method to one machine's service.
-
-    Args:
-        service: of the programs.
-        jogging: motion by hand.
-        checker: of checks and simulations.
-        drives: on buses. recorder: of recordings. None: there are none.
-
-    Returns:
-        Handlers by name of their method.
-    """
+    """Return the handler of each method by its name, for one machine's service."""
     forecast = TextForecast(service, checker)
     return bound_handlers(
         (

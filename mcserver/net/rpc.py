@@ -77,9 +77,7 @@ class RpcServer:
     """Answers queries on ``@rpc/{client}/{method}`` and ``info``.
 
     Args:
-        keys: of this machine.
         handlers: by name of the method; ``info`` has its own key.
-        replies: sends replies.
     """
 
     def __init__(self, keys: Keys, handlers: Mapping[str, Handler], replies: ReplySender) -> None:

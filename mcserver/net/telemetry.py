@@ -29,14 +29,7 @@ CLOSE_LIMIT_S = 1.0
 
 
 class StateTelemetry:
-    """Publishes the state of the whole machine; encoded in the loop, published from a thread.
-
-    Args:
-        session: to publish on.
-        keys: of this machine.
-        service: to publish the state of.
-        publishing: the thread.
-    """
+    """Publishes the state of the whole machine; encoded in the loop, published from a thread."""
 
     def __init__(
         self, session: ZenohSession, keys: Keys, service: MachineService, publishing: PublishingThread
@@ -66,11 +59,6 @@ class CycleTelemetry:
     """Publishes every cycle from its own thread, which only reads the executor's shared memory.
 
     Nothing is read or encoded for keys without subscribers.
-
-    Args:
-        session: to publish on.
-        keys: of this machine.
-        service: of the machine.
     """
 
     def __init__(self, session: ZenohSession, keys: Keys, service: MachineService) -> None:

@@ -64,11 +64,7 @@ class RecorderChild:
 
 
 class RecorderClient:
-    """Starts, feeds and asks the recorder; belongs to the loop.
-
-    Args:
-        launch: starts a process. folder: of the recordings. events: where trouble is reported.
-    """
+    """Starts the recorder, sends it events and commands; belongs to the loop."""
 
     def __init__(
         self, launch: Callable[[], RecorderChild], folder: RecordingFolder, events: Callable[[], EventLog]

@@ -72,7 +72,6 @@ class CommitRecord:
     """Maintains the record of a journal that is being written.
 
     Args:
-        journal: the database's file.
         committed: transactions in it. gone: programs that are no longer in it.
 
     Raises:

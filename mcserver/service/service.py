@@ -61,13 +61,6 @@ JOURNAL_LIMIT_S = 2.0
 class MachineService:
     """One machine's programs, as clients and operators may use them. All of it runs in the asyncio loop.
 
-    Args:
-        machine: its axes.
-        port: the executor.
-        planning: plans the programs.
-        options: journal and instance.
-        on_ack, on_event: called in the loop.
-
     Attributes:
         override: feed override of programs to come, 1 as programmed.
         lines: accepts lines of programs. texts: uploaded by clients. forecasts: of remaining times.

@@ -176,14 +176,9 @@ async def test_a_program_waits_for_its_client_for_its_grace(bench: Bench) -> Non
     await bench.until_acked(program.program, state="aborted")
 
 
-async def test_a_program_whose_grace_is_over_ends_as_it_chose(bench: Bench) -> None:
-    program = await bench.service.open("hmi", ProgramOptions(grace_s=0.01))
-    await bench.service.lines.submit("hmi", program.program, 1, ["wait", "move"])
-    bench.service.absences.gone("hmi")
-    await bench.until_acked(program.program, state="aborted")
-
-
-async def test_a_client_that_is_back_in_time_goes_on(bench: Bench) -> None:
+async def test_a_program_ends_as_it_chose_once_its_grace_is_over_and_a_client_that_is_back_in_time_goes_on(
+    bench: Bench,
+) -> None:
     gone = await bench.service.open("other", ProgramOptions(axes=[1], grace_s=0.02))
     program = await bench.service.open("hmi", ProgramOptions(axes=[0], grace_s=0.01))
     await bench.service.lines.submit("hmi", program.program, 1, ["wait", "move"])
