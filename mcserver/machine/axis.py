@@ -9,7 +9,8 @@ from pathlib import Path
 import msgspec
 
 from mcserver.machine.advance_section import PressureAdvance
-from mcserver.machine.compensation_section import Compensation, Limits, read_compensation
+from mcserver.machine.compensation_section import Compensation, read_compensation
+from mcserver.machine.coupled_errors import Limits
 from mcserver.machine.dialect_section import Dialect
 from mcserver.machine.drive import Drive
 from mcserver.machine.families import AnyDrive
@@ -64,6 +65,11 @@ class Axis(msgspec.Struct, frozen=True):
     reserved: Limits | None = None
     rollover: Rollover | None = None
     pressure_advance: PressureAdvance | None = None
+
+    @property
+    def limits(self) -> Limits:
+        """What programs may use."""
+        return Limits(self.max_velocity, self.max_acceleration, self.max_jerk)
 
     @property
     def profiled(self) -> bool:
@@ -178,10 +184,9 @@ def reserving(axis: Axis, follow: Follow) -> Axis:
     """Return an axis of whose limits programs get what is left beside what it follows."""
     if follow.superimposed is None:
         return axis
-    limits = Limits(axis.max_velocity, axis.max_acceleration, axis.max_jerk)
-    reserved = limits.scaled(follow.superimposed.reserve)
+    reserved = axis.limits.scaled(follow.superimposed.reserve)
     velocity, acceleration, jerk = (
-        most - each if math.isfinite(most) else most for most, each in zip(limits, reserved, strict=True)
+        most - each if math.isfinite(most) else most for most, each in zip(axis.limits, reserved, strict=True)
     )
     return msgspec.structs.replace(
         axis, max_velocity=velocity, max_acceleration=acceleration, max_jerk=jerk, reserved=reserved

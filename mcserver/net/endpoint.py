@@ -309,9 +309,8 @@ class MachineEndpoint:
             message = "a malformed message made a Zenoh session deaf; another one was opened in its place" + (
                 f", and held are {', '.join(held)}: see that all is well, and resume" if held else ""
             )
-            log.error("MC525: %s", message)
             service.record_command("", "hold", detail=f"MC525: {message}")
-            service.events.publish("warning", reason="MC525", message=message)
+            service.events.warn("MC525", message, level=logging.ERROR)
 
     async def _replace_emergency_session(self) -> None:
         assert self._emergency is not None
@@ -441,8 +440,7 @@ class MachineEndpoint:
         key = str(sample.key_expr)
         if sample.kind == zenoh.SampleKind.PUT and instance_of(key) != service.options.instance:
             message = f"{_second_server(self.keys, key)}: {NAME_REMEDY}"
-            log.error("MC528: %s", message)
-            service.events.publish("warning", reason="MC528", message=message)
+            service.events.warn("MC528", message, level=logging.ERROR)
 
     def _stop_request(self, payload: bytes) -> EstopRequest:
         """Decode a stop; whatever the payload is, it stops the machine."""

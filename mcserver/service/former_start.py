@@ -8,8 +8,6 @@ from collections.abc import Callable, Sequence
 from mcserver.service.program_table import ProgramTable
 from mcserver.service.reports import ProgramStatus
 
-log = logging.getLogger(__name__)
-
 
 def report_interrupted(table: ProgramTable, programs: Sequence[ProgramStatus]) -> None:
     """Publish the end of programs that an earlier start had not ended."""
@@ -28,16 +26,13 @@ def report_lost_references(table: ProgramTable, is_homed: Callable[[int], bool])
     """Warn of stored references that are not valid now, and remove them."""
     references = table.references
     if references.damage:
-        log.error("MC459: %s", references.damage)
-        table.events.publish("warning", reason="MC459", message=references.damage)
+        table.events.warn("MC459", references.damage, level=logging.ERROR)
     for axis in sorted(references.axes):
         if not is_homed(axis):
             why = "its encoder does not read what it did when the server stopped"
             if axis not in references.holding:
                 why = "the server ended without noting where it stands: killed, or while it moved"
-            message = f"axis {axis} is not homed: {why}"
-            log.warning("MC459: %s", message)
-            table.events.publish("warning", reason="MC459", axis=axis, message=message)
+            table.events.warn("MC459", f"axis {axis} is not homed: {why}", axis=axis)
             references.forget(axis)
 
 
@@ -46,5 +41,4 @@ def report_damage(table: ProgramTable) -> None:
     damage = table.journal_damage
     if damage is not None:
         message = f"the journal was damaged: {damage.message}; as it was it is kept in {damage.kept}"
-        log.error("MC527: %s", message)
-        table.events.publish("warning", reason="MC527", message=message)
+        table.events.warn("MC527", message, level=logging.ERROR)
