@@ -82,11 +82,7 @@ def publish_drive_event(events: EventLog, event: CanopenEvent) -> None:
 
 
 async def _warn_of_expiry(file: Path, events: EventLog) -> None:
-    def warn(message: str) -> None:
-        log.warning("%s: %s", EXPIRY_CODE, message)
-        events.publish("warning", reason=EXPIRY_CODE, message=message)
-
-    await warn_of_expiry(file, warn, lambda: datetime.datetime.now(datetime.UTC))
+    await warn_of_expiry(file, partial(events.warn, EXPIRY_CODE), lambda: datetime.datetime.now(datetime.UTC))
 
 
 @contextlib.asynccontextmanager

@@ -405,17 +405,17 @@ type AxisInfo struct {
 	Spindle         bool     `msgpack:"spindle"`
 }
 
-// AxisStart: An axis of the program at the line.
+// AxisStart: An axis of a program that is to start at a line.
 type AxisStart struct {
 	Axis int64  `msgpack:"axis" mc:"required"`
 	Unit string `msgpack:"unit" mc:"required"`
-	// Now: where it is [mm, deg].
+	// Now: present position [mm, deg].
 	Now float64 `msgpack:"now" mc:"required"`
-	// There: where the program has it before the line; nil: not known.
+	// There: position in the program before the line [mm, deg]; nil: unknown.
 	There *float64 `msgpack:"there" mc:"required"`
-	// Energized: the program had it energized there.
+	// Energized: the axis is energized in the program there.
 	Energized bool `msgpack:"energized" mc:"required"`
-	// Away: farther from there than the axis's in-position tolerance, or there is not known.
+	// Away: the two positions differ by more than the axis's in-position tolerance, or `there` is unknown.
 	Away bool `msgpack:"away" mc:"required"`
 }
 
@@ -873,7 +873,7 @@ type Extent struct {
 	High  float64 `msgpack:"high" mc:"required"`
 	Unit  string  `msgpack:"unit" mc:"required"`
 	Speed float64 `msgpack:"speed"`
-	// Turns: it turns on at a speed (G1030): its positions are not bounded.
+	// Turns: the axis turns continuously at a speed (G1030): its positions are not bounded.
 	Turns bool `msgpack:"turns"`
 }
 
@@ -1158,12 +1158,12 @@ type MountedTool struct {
 	Diameter float64 `msgpack:"diameter" mc:"required"`
 }
 
-// Need: What stands in the way of going on.
+// Need: What has to be resolved before a program starts at a line: code, message and remedy.
 type Need struct {
 	Code    string `msgpack:"code" mc:"required"`
 	Message string `msgpack:"message" mc:"required"`
 	Hint    string `msgpack:"hint" mc:"required"`
-	// Confirm: the field of the request that lets it pass, `way` or `outputs`; empty: none does.
+	// Confirm: field of the request that confirms it, `way` or `outputs`; empty: it cannot be confirmed.
 	Confirm string `msgpack:"confirm"`
 }
 
@@ -1515,13 +1515,13 @@ type RunArmedRequest struct {
 	GraceS *float64 `msgpack:"grace_s"`
 }
 
-// RunPath: The simulated path of a request, at some moments evenly in time, for a picture.
+// RunPath: Simulated path of a request, sampled at equal intervals, for a picture.
 type RunPath struct {
-	// TimeS: n moments from the run's begin.
+	// TimeS: n moments after the start of the run [s].
 	TimeS []float64 `msgpack:"time_s" mc:"required"`
 	// Positions: for each axis of the request n setpoints [mm or deg].
 	Positions [][]float64 `msgpack:"positions" mc:"required"`
-	// Tools: those that these axes move.
+	// Tools: paths of the tools that these axes move.
 	Tools []ToolPath `msgpack:"tools" mc:"required"`
 }
 
@@ -1852,15 +1852,15 @@ type SubmitRequest struct {
 	Rejections *int64   `msgpack:"rejections"`
 }
 
-// Switched: An output, or an axis that turns by itself, which the program had switched otherwise than it is now.
+// Switched: An output, or the speed or torque of an axis, that differs from its value in the program.
 type Switched struct {
 	// Name: of the output, or such as `axis 3`.
 	Name string `msgpack:"name" mc:"required"`
-	// There: as the program had it.
+	// There: value in the program before the line.
 	There float64 `msgpack:"there" mc:"required"`
-	// Now: as it is.
+	// Now: present value.
 	Now float64 `msgpack:"now" mc:"required"`
-	// Unit: of both.
+	// Unit: of both values.
 	Unit string `msgpack:"unit"`
 }
 
@@ -1979,7 +1979,7 @@ type ToolJogRequest struct {
 	By string `msgpack:"by"`
 }
 
-// ToolPath: Where a tool is at the moments of a `RunPath`: `position` has X, Y and Z, a value a moment [mm].
+// ToolPath: Path of a tool; `position`: lists of X, of Y and of Z at the moments of the `RunPath` [mm].
 type ToolPath struct {
 	Tool     int64       `msgpack:"tool" mc:"required"`
 	Position [][]float64 `msgpack:"position" mc:"required"`
@@ -2027,13 +2027,13 @@ type TunedLoop struct {
 	MeasuredGain *float64 `msgpack:"measured_gain"`
 }
 
-// WayStep: One move of the way, or what is switched on it.
+// WayStep: One step of an approach: a move of axes, or a wait for an input.
 type WayStep struct {
-	// Text: for people.
+	// Text: description for people.
 	Text string `msgpack:"text" mc:"required"`
-	// Targets: ends, by axis number as text [mm, deg]; empty: nothing moves.
+	// Targets: end of the move, by axis number as text [mm, deg]; empty: no axis moves.
 	Targets map[string]float64 `msgpack:"targets"`
-	// Rapid: each axis at its own limits; else slowly.
+	// Rapid: each axis moves at its own limits; otherwise at the approach velocity.
 	Rapid bool `msgpack:"rapid"`
 }
 

@@ -25,7 +25,7 @@ def faulty_lines() -> tuple[Script, ...]:
     )
 
 
-@scripted("`accepted` steps back before the faulty line, which is reported with its place")
+@scripted(Script, "`accepted` steps back before the faulty line, which is reported with its place")
 def _faulty_line(script: Script) -> None:
     script.give("G1010", "G91 GO1", "G01 X2", "G01 X3")
     script.exchange(1, 4)
@@ -34,7 +34,7 @@ def _faulty_line(script: Script) -> None:
     script.settled()
 
 
-@scripted("the program lives on: the corrected line has the same number")
+@scripted(Script, "the program lives on: the corrected line has the same number")
 def _faulty_line_again(script: Script) -> None:
     script.give("G1010", "G91 GO1", "G01 X2")
     script.exchange(1, 3)
@@ -48,7 +48,7 @@ def _faulty_line_again(script: Script) -> None:
     script.knows()
 
 
-@scripted("what was sent behind a faulty line is a gap, and is not sent again", chunk_lines=3)
+@scripted(Script, "what was sent behind a faulty line is a gap, and is not sent again", chunk_lines=3)
 def _faulty_with_lines_under_way(script: Script) -> None:
     script.give("G1010", "G91 GO1", "G01 X2", "G01 X3", "G01 X4")
     script.exchange(1, 3)
@@ -59,7 +59,9 @@ def _faulty_with_lines_under_way(script: Script) -> None:
     script.settled()
 
 
-@scripted("lines that were given in ignorance of a rejection are given up with it, whatever their numbers")
+@scripted(
+    Script, "lines that were given in ignorance of a rejection are given up with it, whatever their numbers"
+)
 def _rejection_heard_late(script: Script) -> None:
     script.give("G1010", "G91 GO1", "G01 X2")
     script.exchange(1, 3)
@@ -78,8 +80,9 @@ def _rejection_heard_late(script: Script) -> None:
 
 
 @scripted(
+    Script,
     "an acknowledgement from before the corrected line came, or from before the rejection, says nothing"
-    " of it: its count of rejections is no greater than the one known"
+    " of it: its count of rejections is no greater than the one known",
 )
 def _crossing_acknowledgements(script: Script) -> None:
     script.give("G1010", "G91 GO1", "G01 X2")
@@ -107,7 +110,7 @@ def _crossing_acknowledgements(script: Script) -> None:
     script.knows()
 
 
-@scripted("a rejection of the corrected line is heard, and is another one")
+@scripted(Script, "a rejection of the corrected line is heard, and is another one")
 def _rejected_twice(script: Script) -> None:
     script.give("G1010", "G91 GO1", "G01 X2")
     script.exchange(1, 3)
@@ -132,7 +135,7 @@ def _rejected_twice(script: Script) -> None:
     script.knows()
 
 
-@scripted("a rejection that is said by an acknowledgement and by the answer as well is one")
+@scripted(Script, "a rejection that is said by an acknowledgement and by the answer as well is one")
 def _rejected_under_way(script: Script) -> None:
     script.give("G1010")
     script.exchange(1, 1)
@@ -150,7 +153,7 @@ def _rejected_under_way(script: Script) -> None:
     script.knows()
 
 
-@scripted("the corrected line is judged by its own answer, not by what is said of the first one")
+@scripted(Script, "the corrected line is judged by its own answer, not by what is said of the first one")
 def _verdict_twice(script: Script) -> None:
     script.judge("G1010")
     script.exchange(1, 1)
@@ -172,7 +175,7 @@ def _verdict_twice(script: Script) -> None:
     script.knows()
 
 
-@scripted("a single line is judged before the call returns; a faulty one may be sent again")
+@scripted(Script, "a single line is judged before the call returns; a faulty one may be sent again")
 def _verdict(script: Script) -> None:
     script.judge("G1010")
     script.exchange(1, 1)
@@ -187,7 +190,7 @@ def _verdict(script: Script) -> None:
     script.knows()
 
 
-@scripted("a closed program ends at a faulty line")
+@scripted(Script, "a closed program ends at a faulty line")
 def _rejected_at_the_end(script: Script) -> None:
     script.give("G1010", "G91 GO1")
     script.exchange(1, 2)

@@ -7,7 +7,7 @@ progress the script gives.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -30,7 +30,7 @@ class Script:
     """Notes the steps of one sequence.
 
     Args:
-        name: of the sequence, which is its file's name too.
+        name: of the sequence and of its file.
         why: what a client has to get right.
         chunk_lines: how many lines the client may put into one message.
         room: how many lines wait at the server at most: the credit.
@@ -291,12 +291,17 @@ def _opened(program: Program) -> dict[str, Any]:
     }
 
 
-def scripted(why: str, **options: Any) -> Callable[[Callable[[Script], None]], Callable[[], Script]]:
-    """Make of what plays a script the sequence of its name; ``why`` and options as of `Script`."""
+Played = TypeVar("Played")
 
-    def made(play: Callable[[Script], None]) -> Callable[[], Script]:
-        def sequence() -> Script:
-            script = Script(play.__name__.strip("_").replace("_", " "), why, **options)
+
+def scripted(
+    kind: Callable[..., Played], why: str, **options: Any
+) -> Callable[[Callable[[Played], None]], Callable[[], Played]]:
+    """Turn a function that plays a script into a sequence of its name; ``why`` and options as of ``kind``."""
+
+    def made(play: Callable[[Played], None]) -> Callable[[], Played]:
+        def sequence() -> Played:
+            script = kind(play.__name__.strip("_").replace("_", " "), why, **options)
             play(script)
             return script
 

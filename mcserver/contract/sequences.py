@@ -38,7 +38,7 @@ def sequences() -> list[dict[str, Any]]:
     return [script.sequence() for script in made]
 
 
-@scripted("lines are numbered from 1 and sent in order")
+@scripted(Script, "lines are numbered from 1 and sent in order")
 def _numbering(script: Script) -> None:
     script.give("G1010", "G01 X10 F600", "", "(Fräse ß€𝄞)", "G01 X0")
     script.exchange(1, 5)
@@ -50,7 +50,7 @@ def _numbering(script: Script) -> None:
     script.knows()
 
 
-@scripted("the first number is that which the reply to `open` expects", start_line=120)
+@scripted(Script, "the first number is that which the reply to `open` expects", start_line=120)
 def _start_line(script: Script) -> None:
     script.knows()
     script.give(*lines(2))
@@ -58,7 +58,7 @@ def _start_line(script: Script) -> None:
     script.knows()
 
 
-@scripted("no message holds more lines than it may", chunk_lines=3)
+@scripted(Script, "no message holds more lines than it may", chunk_lines=3)
 def _chunks(script: Script) -> None:
     script.give(*lines(7))
     script.exchange(1, 3)
@@ -67,7 +67,7 @@ def _chunks(script: Script) -> None:
     script.settled()
 
 
-@scripted("never more than `credit` lines beyond `accepted`", room=4)
+@scripted(Script, "never more than `credit` lines beyond `accepted`", room=4)
 def _credit(script: Script) -> None:
     script.give(*lines(9))
     script.exchange(1, 4)
@@ -80,7 +80,7 @@ def _credit(script: Script) -> None:
     script.settled()
 
 
-@scripted("a credit of 0 means that the client waits", room=0)
+@scripted(Script, "a credit of 0 means that the client waits", room=0)
 def _no_credit_at_first(script: Script) -> None:
     script.give(*lines(2))
     script.quiet()
@@ -90,7 +90,7 @@ def _no_credit_at_first(script: Script) -> None:
     script.knows()
 
 
-@scripted("of a message that is longer than the credit its beginning is taken")
+@scripted(Script, "of a message that is longer than the credit its beginning is taken")
 def _taken_in_part(script: Script) -> None:
     script.give(*lines(6))
     script.sends(1, 6)
@@ -105,7 +105,7 @@ def _taken_in_part(script: Script) -> None:
     script.knows()
 
 
-@scripted("lines that were taken are not sent again once the client has asked")
+@scripted(Script, "lines that were taken are not sent again once the client has asked")
 def _answer_lost(script: Script) -> None:
     script.give(*lines(3))
     script.sends(1, 3)
@@ -114,7 +114,7 @@ def _answer_lost(script: Script) -> None:
     script.settled()
 
 
-@scripted("lines that were not taken are sent again, under their numbers")
+@scripted(Script, "lines that were not taken are sent again, under their numbers")
 def _message_lost(script: Script) -> None:
     script.give(*lines(3))
     script.sends(1, 3)
@@ -124,7 +124,7 @@ def _message_lost(script: Script) -> None:
     script.settled()
 
 
-@scripted("of two messages the second is lost: it alone is sent again", chunk_lines=2)
+@scripted(Script, "of two messages the second is lost: it alone is sent again", chunk_lines=2)
 def _lost_in_part(script: Script) -> None:
     script.give(*lines(4))
     script.exchange(1, 2)
@@ -136,6 +136,7 @@ def _lost_in_part(script: Script) -> None:
 
 
 @scripted(
+    Script,
     "a message is lost and the next one arrives: the client goes back to the number expected",
     chunk_lines=2,
     puts_only=True,
@@ -150,7 +151,9 @@ def _gap(script: Script) -> None:
     script.settled()
 
 
-@scripted("each message behind a gap is answered; going back once is enough", chunk_lines=2, puts_only=True)
+@scripted(
+    Script, "each message behind a gap is answered; going back once is enough", chunk_lines=2, puts_only=True
+)
 def _gap_answered_once(script: Script) -> None:
     script.give(*lines(6))
     script.sends(1, 2)
@@ -169,7 +172,7 @@ def _gap_answered_once(script: Script) -> None:
     script.settled()
 
 
-@scripted("one that is older than what is known changes nothing", chunk_lines=3)
+@scripted(Script, "one that is older than what is known changes nothing", chunk_lines=3)
 def _old_acknowledgement(script: Script) -> None:
     script.give(*lines(6))
     script.exchange(1, 3)
@@ -179,7 +182,7 @@ def _old_acknowledgement(script: Script) -> None:
     script.settled()
 
 
-@scripted("lines that were never given cannot have been accepted")
+@scripted(Script, "lines that were never given cannot have been accepted")
 def _foreign_numbers(script: Script) -> None:
     script.give(*lines(2))
     script.sends(1, 2)
@@ -191,7 +194,7 @@ def _foreign_numbers(script: Script) -> None:
     script.knows()
 
 
-@scripted("a program is closed behind its last line and ends once all have run")
+@scripted(Script, "a program is closed behind its last line and ends once all have run")
 def _close_and_finish(script: Script) -> None:
     script.give(*lines(3))
     script.exchange(1, 3)
@@ -202,7 +205,7 @@ def _close_and_finish(script: Script) -> None:
     script.knows()
 
 
-@scripted("lines behind M02 are refused once the program has ended", chunk_lines=2)
+@scripted(Script, "lines behind M02 are refused once the program has ended", chunk_lines=2)
 def _behind_the_end(script: Script) -> None:
     script.give("G01 X1", "M02", "G01 X2")
     script.exchange(1, 2)
@@ -213,7 +216,7 @@ def _behind_the_end(script: Script) -> None:
     script.knows()
 
 
-@scripted("an abort is raised to the application with its reason; nothing more is sent", room=2)
+@scripted(Script, "an abort is raised to the application with its reason; nothing more is sent", room=2)
 def _aborted(script: Script) -> None:
     script.give(*lines(5))
     script.exchange(1, 2)
@@ -223,7 +226,7 @@ def _aborted(script: Script) -> None:
     script.settled()
 
 
-@scripted("a fault of the machine is raised with its code")
+@scripted(Script, "a fault of the machine is raised with its code")
 def _faulted(script: Script) -> None:
     script.give(*lines(2))
     script.exchange(1, 2)
@@ -233,7 +236,7 @@ def _faulted(script: Script) -> None:
     script.settled()
 
 
-@scripted("states come and go; lines are taken all the same", chunk_lines=1)
+@scripted(Script, "states come and go; lines are taken all the same", chunk_lines=1)
 def _held_and_paused(script: Script) -> None:
     script.give(*lines(2))
     script.exchange(1, 1)
@@ -246,7 +249,7 @@ def _held_and_paused(script: Script) -> None:
     script.knows()
 
 
-@scripted("a server that was restarted knows no such program: it was interrupted", room=3)
+@scripted(Script, "a server that was restarted knows no such program: it was interrupted", room=3)
 def _restart(script: Script) -> None:
     script.give(*lines(5))
     script.exchange(1, 3)
@@ -260,7 +263,7 @@ def _restart(script: Script) -> None:
     script.knows()
 
 
-@scripted("lines that the server had are not sent again, and are not done either")
+@scripted(Script, "lines that the server had are not sent again, and are not done either")
 def _continuation(script: Script) -> None:
     script.give(*lines(5))
     script.exchange(1, 5)
@@ -278,7 +281,7 @@ def _continuation(script: Script) -> None:
     script.knows()
 
 
-@scripted("where the server had the whole text, it runs to its end by itself")
+@scripted(Script, "where the server had the whole text, it runs to its end by itself")
 def _whole_continuation(script: Script) -> None:
     script.give(*lines(5))
     script.exchange(1, 5)

@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from mcserver.contract.script import error_message, program_of, shown_message
+from mcserver.contract.script import error_message, program_of, scripted, shown_message
 from mcserver.errors import Refused
 from mcserver.machine.machine_file import load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
@@ -79,25 +79,32 @@ class TargetScript:
         tool: int | None = None,
         frame: Frame = "base",
         lost: bool = False,
+        fails: tuple[str, str] | None = None,
     ) -> None:
-        """The application gives targets, and the client puts them; ``lost``: they do not arrive."""
-        self._given(positions, velocities, times, counts_s=counts_s, tool=tool, frame=frame)
+        """The application gives targets, and the client puts them.
+
+        Args:
+            lost: they do not arrive. fails: code and words of the failure after the program's end: nothing is
+                put.
+        """
+        fields = (positions, velocities, times, tool, frame)
+        names = ("positions", "velocities", "times", "tool", "frame")
+        given = {"sent": self._sent, "counts_s": counts_s, **dict(zip(names, fields, strict=True))}
+        self._note("targets", given)
+        if fails is not None:
+            self._note("fails", {"code": fails[0], "says": fails[1]})
+            return
         self._seq += 1
-        payload = [self._seq, self._sent, counts_s, positions, velocities, times, tool, frame]
+        payload = [self._seq, self._sent, counts_s, *fields]
         self._note("puts", payload)
         if lost:
             self._note("lost", "the message")
         else:
             message = msgspec.convert(payload, StreamTargets)
             assert self.program.targets is not None
-            given = targets_in_si(self.program, message)
-            self.program.targets.take(given, Now(self._sent, self._setpoint))
+            taken = targets_in_si(self.program, message)
+            self.program.targets.take(taken, Now(self._sent, self._setpoint))
         self._sent = round(self._sent + PERIOD_S, 3)
-
-    def give_in_vain(self, positions: Rows, code: str, says: str = "") -> None:
-        """The application gives targets once the program has ended: nothing goes out."""
-        self._given(positions)
-        self._note("fails", {"code": code, "says": says})
 
     def passes(self, seconds: float) -> None:
         """Time passes."""
@@ -122,110 +129,76 @@ class TargetScript:
         self._note("asked", shown_message(status))
         self._note("counts", {name: getattr(status.servo, name) for name in COUNTED})
 
-    def _given(
-        self,
-        positions: Rows | None,
-        velocities: Rows | None = None,
-        times: Sequence[float] | None = None,
-        *,
-        counts_s: float = 0.1,
-        tool: int | None = None,
-        frame: Frame = "base",
-    ) -> None:
-        self._note(
-            "targets",
-            {
-                "sent": self._sent,
-                "counts_s": counts_s,
-                "positions": positions,
-                "velocities": velocities,
-                "times": times,
-                "tool": tool,
-                "frame": frame,
-            },
-        )
-
     def _note(self, what: str, value: object) -> None:
         self._steps.append({what: value})
 
 
-def _targets() -> TargetScript:
-    script = TargetScript("targets", "messages are numbered from 1")
+@scripted(TargetScript, "messages are numbered from 1")
+def _targets(script: TargetScript) -> None:
     script.give([[12.5, 3.0]])
     script.give([[12.9, 3.0]], [[40.0, 0.0]])
     script.give(None, [[-0.5, 1e-9]], counts_s=0.25)
     script.asked()
-    return script
 
 
-def _chunk() -> TargetScript:
-    script = TargetScript("chunk", "points with times go as one message, which replaces the one before")
+@scripted(TargetScript, "points with times go as one message, which replaces the one before")
+def _chunk(script: TargetScript) -> None:
     times = [0.0, 0.02, 0.04]
     script.give([[0.0, 0.0], [0.1, 0.2], [0.2, 0.4]], None, times)
     script.give([[0.1, 0.2], [0.2, 0.4], [0.3, 0.5]], [[5.0, 10.0], [5.0, 7.5], [0.0, 0.0]], times)
     script.asked()
-    return script
 
 
-def _tool() -> TargetScript:
-    script = TargetScript(
-        "tool", "a tool's poses and twists go as positions and velocities", built_in="arm6", axes=6
-    )
+@scripted(TargetScript, "a tool's poses and twists go as positions and velocities", built_in="arm6", axes=6)
+def _tool(script: TargetScript) -> None:
     start = [460.0, 0.0, 675.0, 0.0, 0.0, 0.0]
     script.give([start], tool=1)
     script.give([start], [[0.0, 50.0, 0.0, 0.0, 0.0, 10.0]], tool=1)
     script.give(None, [[0.0, 0.0, -20.0, 0.0, 0.0, 0.0]], tool=1, frame="tool")
     script.give([start], tool=2)
     script.asked()
-    return script
 
 
-def _loss() -> TargetScript:
-    script = TargetScript("loss", "nothing is sent again: the next message is newer, and the server counts")
+@scripted(TargetScript, "nothing is sent again: the next message is newer, and the server counts")
+def _loss(script: TargetScript) -> None:
     script.give([[1.0, 1.0]])
     script.give([[1.1, 1.0]], lost=True)
     script.give([[1.2, 1.0]], lost=True)
     script.give([[1.3, 1.0]])
     script.asked()
-    return script
 
 
-def _refused() -> TargetScript:
-    script = TargetScript(
-        "refused", "servo mode that is refused is an error, and there is no program", opened=False
-    )
+@scripted(TargetScript, "servo mode that is refused is an error, and there is no program", opened=False)
+def _refused(script: TargetScript) -> None:
     script.refuses(
         Refused(
             "MC512", "axis 1 is leased by part 7 of mill", "wait until it has ended", axis=1, client="mill"
         )
     )
-    return script
 
 
-def _refused_targets() -> TargetScript:
-    script = TargetScript("refused targets", "targets that do not fit the axes are counted; the rest goes on")
+@scripted(TargetScript, "targets that do not fit the axes are counted; the rest goes on")
+def _refused_targets(script: TargetScript) -> None:
     script.give([[1.0, 1.0]])
     script.give([[1.0, 1.0, 1.0]])
     script.give([[1.0, 1.0]], None, [0.01, 0.02])
     script.give([[1.0, 1.1]])
     script.asked()
-    return script
 
 
-def _end() -> TargetScript:
-    script = TargetScript("end", "once closed and arrived the program has finished, and takes no targets")
+@scripted(TargetScript, "once closed and arrived the program has finished, and takes no targets")
+def _end(script: TargetScript) -> None:
     script.give([[2.0, 2.0]])
     script.ends("finished")
-    script.give_in_vain([[3.0, 3.0]], "MC536")
-    return script
+    script.give([[3.0, 3.0]], fails=("MC536", ""))
 
 
-def _unanswered() -> TargetScript:
-    script = TargetScript(
-        "unanswered",
-        "targets that no acknowledgement answers for as long as they count, and 0.5 s, fail; the next word"
-        " of the server ends that",
-    )
+@scripted(
+    TargetScript,
+    "targets that no acknowledgement answers for as long as they count, and 0.5 s, fail; the next word"
+    " of the server ends that",
+)
+def _unanswered(script: TargetScript) -> None:
     script.give([[2.0, 2.0]])
     script.ends("running")
     # one that was answered counts however long
@@ -234,33 +207,28 @@ def _unanswered() -> TargetScript:
     script.passes(0.7)
     script.give([[2.2, 2.0]], counts_s=0.3, lost=True)
     script.passes(0.2)
-    script.give_in_vain([[2.3, 2.0]], "MC530")
+    script.give([[2.3, 2.0]], fails=("MC530", ""))
     script.ends("running")
     script.give([[2.4, 2.0]])
-    return script
 
 
-def _stood_still() -> TargetScript:
-    script = TargetScript(
-        "stood still",
-        "a sender that stood still (in a debugger, say) has not listened meanwhile: it hears"
-        " what has become of its targets, not that the server was silent",
-    )
+@scripted(
+    TargetScript,
+    "a sender that stood still (in a debugger, say) has not listened meanwhile: it hears"
+    " what has become of its targets, not that the server was silent",
+)
+def _stood_still(script: TargetScript) -> None:
     script.give([[2.0, 2.0]])
     script.passes(5.0)
     script.give([[2.1, 2.0]])
     script.passes(0.01)
     script.give([[2.2, 2.0]])
     script.ends("aborted", "MC465: no targets came in time")
-    script.give_in_vain([[2.3, 2.0]], "MC535", says="(MC465: no targets came in time)")
-    return script
+    script.give([[2.3, 2.0]], fails=("MC535", "(MC465: no targets came in time)"))
 
 
-def _silence() -> TargetScript:
-    script = TargetScript(
-        "silence", "a program that was stopped, as for want of targets, says so at the next ones"
-    )
+@scripted(TargetScript, "a program that was stopped, as for want of targets, says so at the next ones")
+def _silence(script: TargetScript) -> None:
     script.give([[2.0, 2.0]])
     script.ends("aborted", "MC465: no targets came in time")
-    script.give_in_vain([[3.0, 3.0]], "MC535", says="(MC465: no targets came in time)")
-    return script
+    script.give([[3.0, 3.0]], fails=("MC535", "(MC465: no targets came in time)"))

@@ -8,8 +8,8 @@ import msgspec
 import numpy as np
 
 from mcserver.net.messages import TelemetryBlock
+from mcserver.net.status import TELEMETRY_FIELDS as FIELDS
 
-FIELDS = ("setpoint", "position", "velocity", "torque")
 CYCLE_S = 0.001
 
 

@@ -131,13 +131,11 @@ def _payloads(structure: inspect.StructType) -> dict[str, bytes]:
         "fields that are not known": msgspec.msgpack.encode(_with_unknown(whole)),
         "whole numbers as integers": msgspec.msgpack.encode(_whole_numbers(whole)),
     }
-    # a message without fields has one form
-    return {name: each for index, (name, each) in enumerate(payloads.items()) if _is_new(payloads, index)}
-
-
-def _is_new(payloads: dict[str, bytes], index: int) -> bool:
-    each = list(payloads.values())
-    return each[index] not in each[:index]
+    first: dict[bytes, str] = {}
+    for name, payload in payloads.items():
+        # a message without fields has one form
+        first.setdefault(payload, name)
+    return {name: payload for payload, name in first.items()}
 
 
 def _with_unknown(value: Any) -> Any:

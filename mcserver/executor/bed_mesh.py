@@ -15,7 +15,7 @@ from mcserver.executor.entries import Array
 from mcserver.executor.error_tables import MeshErrors
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.machine.compensation_section import LEAST_FOR_BACKLASH
-from mcserver.machine.coupled_errors import motions_of, share_needed
+from mcserver.machine.coupled_errors import share_needed
 from mcserver.machine.machine_file import Machine
 
 
@@ -84,7 +84,7 @@ class BedMesh:
             BarrierFault: it is too steep; the mesh of before goes on.
         """
         mesh = msgspec.structs.replace(self._mesh, errors=self._met.T.tolist())
-        needed = share_needed(self._axis, motions_of(self._axes), mesh)
+        needed = share_needed(self._axis, self._axes, mesh)
         most = self._beside_pitch - LEAST_FOR_BACKLASH
         if not needed <= most:
             raise BarrierFault(FaultCode.BED_TOO_STEEP, self._column, (needed, most))

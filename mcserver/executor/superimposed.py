@@ -19,7 +19,7 @@ from mcserver.executor.entries import Array
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.io_bank import IoBank
 from mcserver.executor.target_follower import Bounds
-from mcserver.machine.compensation_section import Limits
+from mcserver.machine.coupled_errors import Limits
 from mcserver.machine.follow_section import Follow
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.kernels.target_tracking import MAX_JERK, VELOCITY, follow_targets

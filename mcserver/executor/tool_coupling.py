@@ -22,7 +22,7 @@ from mcserver.executor.axes import AxisBank
 from mcserver.executor.entries import Array
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.superimposed import SuperimposedCoupling
-from mcserver.machine.compensation_section import Limits
+from mcserver.machine.coupled_errors import Limits
 from mcserver.machine.machine_file import Machine
 from mcserver.machine.tool_section import Tool
 from mcserver.motion.kernels.target_tracking import (
@@ -71,9 +71,8 @@ class ToolCoupling(SuperimposedCoupling):
         for column in columns:
             axis = machine.axes[column]
             assert axis.reserved is not None
-            programs = Limits(axis.max_velocity, axis.max_acceleration, axis.max_jerk)
             shares.append(axis.reserved)
-            limits.append([one + other for one, other in zip(programs, axis.reserved, strict=True)])
+            limits.append([one + other for one, other in zip(axis.limits, axis.reserved, strict=True)])
         self._shares: Array = np.array(shares)
         low, high = np.minimum(model.chain.lower, places), np.maximum(model.chain.upper, places)
         self._joint_limits: Array = np.column_stack([limits, low, high])

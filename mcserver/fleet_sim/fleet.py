@@ -15,12 +15,12 @@ import zenoh
 
 from mcserver.errors import McError, ServiceError
 from mcserver.fleet_sim.light_machine import LightMachine
+from mcserver.net import qos
 from mcserver.net.configuration import NetworkOptions, main_configuration, plain, reach
 from mcserver.net.decoding import MessageDecoder
 from mcserver.net.defects import DefectLog
 from mcserver.net.keys import Keys
 from mcserver.net.messages import EstopRequest, StreamLines
-from mcserver.net.qos import Qos, ack_qos, event_qos, state_qos
 from mcserver.net.replies import ReplySender
 from mcserver.net.rpc import RpcServer
 from mcserver.net.session import CLOSE_LIMIT_S, ZenohSession
@@ -112,11 +112,11 @@ class LightFleet:
             axes=self._options.axes,
             line_s=self._options.line_s,
             clock=time.time,
-            on_ack=lambda ack: publish(keys.ack(ack.program), ack, ack_qos()),
-            on_event=lambda event: publish(keys.event, event, event_qos()),
+            on_ack=lambda ack: publish(keys.ack(ack.program), ack, qos.ACK),
+            on_event=lambda event: publish(keys.event, event, qos.EVENT),
         )
         rpc = RpcServer(keys, machine.handlers(), self._replies)
-        states = session.matched_publisher(keys.telemetry_state, state_qos())
+        states = session.matched_publisher(keys.telemetry_state, qos.STATE)
         decode_lines, decode_stop = MessageDecoder(StreamLines), MessageDecoder(EstopRequest)
 
         def on_query(query: zenoh.Query) -> None:
@@ -162,14 +162,14 @@ class LightFleet:
         self._machines.append(machine)
         self._states.append(put_state)
 
-    def _publish(self, keys: Keys, key: str, message: Ack | Event, qos: Qos) -> None:
+    def _publish(self, keys: Keys, key: str, message: Ack | Event, how: qos.Qos) -> None:
         try:
             self._session.put(
                 key,
                 self._encode(message),
-                priority=qos.priority,
-                congestion_control=qos.congestion,
-                express=qos.express,
+                priority=how.priority,
+                congestion_control=how.congestion,
+                express=how.express,
             )
         except zenoh.ZError as error:
             self._failed.add(f"{keys.machine}: nothing could be published: {error}")

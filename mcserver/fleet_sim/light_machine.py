@@ -21,7 +21,15 @@ from mcserver.service.line_queue import LineQueue
 from mcserver.service.program import Program
 from mcserver.service.program_access import find_program, owned_program
 from mcserver.service.program_options import ProgramOptions
-from mcserver.service.reports import Ack, Event, Fault, MachineState, ProgramState
+from mcserver.service.reports import (
+    Ack,
+    AxesStatus,
+    Event,
+    Fault,
+    MachineState,
+    MachineStatus,
+    ProgramState,
+)
 from mcserver.service.timebase import Timebase
 
 CYCLE_S = 0.001
@@ -150,19 +158,19 @@ class LightMachine:
             elif program.done != program.reported:
                 self._on_ack(program.ack())
 
-    def status(self) -> wire.MachineStatus:
+    def status(self) -> MachineStatus:
         self.advance()
         now = self._clock()
         count = len(self._axes)
         angle = 2.0 * math.pi * self._moved_s / SWING_S
         position = [SWING_MM * math.sin(angle + axis) - SWING_MM * math.sin(axis) for axis in self._axes]
         moving = any(each.state == "running" and not each.ended for each in self._programs.values())
-        return wire.MachineStatus(
+        return MachineStatus(
             t=now - self._epoch,
             wall=now,
             instance=self._instance,
             state=self.state,
-            axes=wire.AxesStatus(
+            axes=AxesStatus(
                 index=self._axes,
                 position=position,
                 setpoint=position,
@@ -299,13 +307,6 @@ class LightMachine:
         )
 
     def _info(self) -> Info:
-        axis = {
-            "type": "linear",
-            "unit": "mm",
-            "max_velocity": 200.0,
-            "max_acceleration": 1000.0,
-            "drive": "simulated",
-        }
         return Info(
             machine=self.name,
             server="light",
@@ -313,7 +314,7 @@ class LightMachine:
             instance=self._instance,
             epoch=self._epoch,
             cycle_s=CYCLE_S,
-            axes=[AxisInfo(index=index, **axis) for index in self._axes],  # type: ignore[arg-type]
+            axes=[AxisInfo(index, "linear", "mm", 200.0, 1000.0, "simulated") for index in self._axes],
             tools=[],
             telemetry=TelemetryInfo(self._axes, list(TELEMETRY_FIELDS), CYCLES_A_MESSAGE, 0.0),
             limits=limits_info(at_once=OPEN_PROGRAMS, opened=OPEN_PROGRAMS),

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 # numbers of X, Y and Z: filament that is pushed while they stand gets no advance
 PATH_AXES = (0, 1, 2)
 # the executor keeps accelerations to this multiple of their limits where a rate changes
-_SLACK = 1.01
+ACCELERATION_SLACK = 1.01
 
 
 class PressureAdvanceSection(msgspec.Struct, frozen=True):
@@ -152,7 +152,7 @@ def check_advance(
         return None
     acceleration = axis.max_acceleration - own.acceleration
     along = own.per_length * math.hypot(*(each.max_acceleration for each in moved))
-    jerk = own.jerk(_SLACK * max(acceleration, along))
+    jerk = own.jerk(ACCELERATION_SLACK * max(acceleration, along))
     left = {
         "max_velocity": axis.max_velocity - own.velocity,
         "max_acceleration": acceleration,

@@ -7,13 +7,13 @@ of these is kept from programs: what the table needs at these limits, and the re
 from __future__ import annotations
 
 import math
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import msgspec
 from msgspec import Meta
 
 from mcserver.machine.constraints import LEAST_STEP, ascending
-from mcserver.machine.coupled_errors import CURVATURE, SLOPE, THIRD, Error, Mesh, square_errors_in_si
+from mcserver.machine.coupled_errors import CURVATURE, SLOPE, THIRD, Error, Limits, Mesh, square_errors_in_si
 from mcserver.machine.section_reader import Mistakes
 from mcserver.machine.toml_positions import Path
 
@@ -58,18 +58,6 @@ class Compensation(msgspec.Struct, frozen=True):
     mesh: Mesh | None = None
     # recordings of before are without
     beside_pitch: float = 0.0
-
-
-class Limits(NamedTuple):
-    """Velocity, acceleration and jerk of an axis [SI]; infinite where not limited."""
-
-    velocity: float
-    acceleration: float
-    jerk: float
-
-    def scaled(self, share: float) -> Limits:
-        """Return a share of each."""
-        return Limits(*(share * each for each in self))
 
 
 def read_compensation(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import msgspec
 import numpy as np
@@ -86,21 +86,20 @@ class Mesh(msgspec.Struct, frozen=True):
         return ""
 
 
-class Motion(msgspec.Struct, frozen=True):
-    """The greatest velocity, acceleration and jerk of an axis by programs [SI]; infinite: not limited."""
+class Limits(NamedTuple):
+    """Velocity, acceleration and jerk of an axis [SI]; infinite where not limited."""
 
     velocity: float
     acceleration: float
     jerk: float
 
+    def scaled(self, share: float) -> Limits:
+        """Return a share of each."""
+        return Limits(*(share * each for each in self))
 
-def square_need(slope: float, source: Motion) -> Motion:
-    """Return what an error of ``slope`` [m/m] needs of its axis at the greatest motion of another one."""
-    return Motion(*(abs(slope) * each for each in msgspec.structs.astuple(source)))
 
-
-def mesh_need(mesh: Mesh, motions: Sequence[Motion]) -> Motion:
-    """Return what a mesh in SI needs of its axis at the greatest motion of those that it lies over.
+def _mesh_need(mesh: Mesh, limits: Sequence[Limits]) -> Limits:
+    """Return what a mesh in SI needs of its axis at the limits of those that it lies over.
 
     By the chain rule: the error is linear in the quintic step of each direction, so its derivatives by time
     are sums of those of one step, of products of two, and of three.
@@ -108,9 +107,8 @@ def mesh_need(mesh: Mesh, motions: Sequence[Motion]) -> Motion:
     heights = mesh.heights
     # of each direction the greatest first, second and third derivative of the step by time, by its cells
     steps = []
-    for along, (places, motion) in enumerate(zip(mesh.places, motions, strict=True)):
+    for along, (places, (v, a, j)) in enumerate(zip(mesh.places, limits, strict=True)):
         width = np.diff(places).reshape([-1 if each == along else 1 for each in range(heights.ndim)])
-        v, a, j = motion.velocity, motion.acceleration, motion.jerk
         curvature = CURVATURE / width**2
         steps.append(
             (
@@ -139,25 +137,21 @@ def mesh_need(mesh: Mesh, motions: Sequence[Motion]) -> Motion:
                 jerk += 3.0 * greatest((i, k), second, other)
     if heights.ndim == 3:
         jerk += 6.0 * greatest((0, 1, 2), *(first for first, _, _ in steps))
-    return Motion(velocity, acceleration, jerk)
+    return Limits(velocity, acceleration, jerk)
 
 
-def motions_of(axes: Iterable[Axis]) -> dict[int, Motion]:
-    """Return the greatest motions of axes by programs, by number."""
-    return {each.index: Motion(each.max_velocity, each.max_acceleration, each.max_jerk) for each in axes}
-
-
-def share_needed(axis: Axis, motions: Mapping[int, Motion], mesh: Mesh | None) -> float:
+def share_needed(axis: Axis, others: Iterable[Axis], mesh: Mesh | None) -> float:
     """Return which share of its limits in the file an axis needs for its square errors and a mesh in SI.
 
     Args:
-        motions: of the axes that these lie over, at the least, by number.
+        others: the axes that these lie over, at the least.
     """
     found = axis.compensation
     assert found is not None
-    needs = [square_need(slope, motions[each]) for each, slope in found.square_errors]
+    limits = {each.index: each.limits for each in others}
+    needs = [limits[each].scaled(abs(slope)) for each, slope in found.square_errors]
     if mesh is not None:
-        needs.append(mesh_need(mesh, [motions[each] for each in mesh.axes]))
+        needs.append(_mesh_need(mesh, [limits[each] for each in mesh.axes]))
     kept = 1.0 - found.reserve
     return max(
         math.fsum(need.velocity for need in needs) * kept / axis.max_velocity,
@@ -195,8 +189,7 @@ def check_coupled(axes: Mapping[Path, Axis], mistakes: Mistakes, least: float) -
                 key, "square_errors and mesh are of linear axes over others", "name these by number", "MC092"
             )
             continue
-        motions = motions_of(each for each in named if each is not None)
-        needed = share_needed(axis, motions, found.mesh)
+        needed = share_needed(axis, filter(None, named), found.mesh)
         left[axis.index] = found.share - needed
         if not left[axis.index] >= least:
             of = ", ".join(map(str, sorted(set(sources))))

@@ -41,11 +41,10 @@ def io_process_data(machine: Machine, bus: str, node: int) -> ProcessData:
     Raises:
         ValueError: they do not fit four PDOs either way.
     """
-    inputs = [each.source for each in machine.inputs]
-    outputs = [each.target for each in machine.outputs]
+    inputs, outputs = objects_of(machine, bus, node)
     return ProcessData(
-        rpdos=_pack(own_objects(outputs, bus, node), [function + node for function in _RPDOS], AT_ONCE),
-        tpdos=_pack(own_objects(inputs, bus, node), [function + node for function in _TPDOS], SYNCHRONOUS),
+        rpdos=_pack(outputs, [function + node for function in _RPDOS], AT_ONCE),
+        tpdos=_pack(inputs, [function + node for function in _TPDOS], SYNCHRONOUS),
     )
 
 

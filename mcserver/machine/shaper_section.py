@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from mcserver.machine.advance_section import Lead
+from mcserver.machine.advance_section import ACCELERATION_SLACK, Lead
 from mcserver.machine.constraints import Damping
 from mcserver.machine.section_reader import Mistakes
 from mcserver.machine.toml_positions import Path
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
 # Residual vibration that EI and 2HEI are designed for [1].
 RESIDUAL = 0.05
-# The executor keeps accelerations to this multiple of their limits where a rate changes.
-ACCELERATION_SLACK = 1.01
 # Longest shaper [cycles]: the history that the executor keeps of each axis.
 MAX_CYCLES = 1000
 

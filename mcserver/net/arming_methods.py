@@ -55,7 +55,7 @@ class ArmingMethods:
         # clients whose requests are being simulated, and those of them that have disappeared
         self._asking: Counter[str] = Counter()
         self._gone: set[str] = set()
-        service.when_gone.append(self._client_gone)
+        service.absences.when_gone.append(self._client_gone)
 
     def _revoke_armings(self) -> None:
         """Revoke all armings after an emergency stop: an operator has to look at the machine again."""
@@ -76,7 +76,7 @@ class ArmingMethods:
             )
         switches = Switches.of(request.block_delete, request.optional_stop)
         start = msgspec.structs.replace(self._service.start_state(), switches=switches or AS_WRITTEN)
-        references = self._service.references
+        references = dict(self._service.axis_reports.offsets)
         self._refuse_unsettled(start, axes)
         certified = self._certified(client, request, axes)
         if certified is not None:
@@ -130,7 +130,7 @@ class ArmingMethods:
             kept = self._arming.arm(certified.signer, kept.sha256, seconds=WITHIN_S, override=override)
         else:
             kept = self._arming.arm_within(kept, self._basis.beyond)
-        self._service.foresee(kept.sha256, seen.marks, switches=start.switches)
+        self._service.forecasts.take(kept.sha256, seen.marks, switches=start.switches)
         self._publish("run.requested", client, kept)
         if kept.state is RunState.ARMED:
             self._publish("run.armed", kept.operator, kept)
@@ -260,8 +260,8 @@ class ArmingMethods:
 
     def _changes_now(self, start: StartState | None = None) -> Changes:
         """Return a function that names changes since a simulation; ``start``: present state, if known."""
-        now, references = start or self._service.start_state(), self._service.references
-        return lambda run: self._basis.changes(run, now, references)
+        now = start or self._service.start_state()
+        return lambda run: self._basis.changes(run, now, self._service.axis_reports.offsets)
 
     def _refuse_unsettled(self, start: StartState, axes: tuple[int, ...]) -> None:
         """Refuse to simulate from a state that is changing."""

@@ -26,11 +26,7 @@ T = TypeVar("T", bound=msgspec.Struct)
 
 
 class MessageDecoder(Generic[T]):
-    """Decodes MessagePack payloads of one type.
-
-    Args:
-        kind: type of the message, with the name of its schema in docs/schemas.
-    """
+    """Decodes MessagePack payloads of one type."""
 
     def __init__(self, kind: type[T]) -> None:
         self._kind = kind

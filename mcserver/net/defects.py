@@ -13,7 +13,6 @@ class DefectLog:
     """Counts errors of one kind, and logs at most one per `LOG_PERIOD_S`, with the count omitted since.
 
     Args:
-        log: to write to.
         clock: monotonic [s].
 
     Attributes:

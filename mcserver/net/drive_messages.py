@@ -7,19 +7,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from mcserver.canopen.views import BusCounts as BusCounts
-from mcserver.canopen.views import BusHealth, BusScan, DriveInfo
-from mcserver.canopen.views import DriveParameters as DriveParameters
-from mcserver.canopen.views import DriveTrace as DriveTrace
-from mcserver.canopen.views import DriveTuning as DriveTuning
-from mcserver.canopen.views import MonitoredValue as MonitoredValue
-from mcserver.canopen.views import NodeHealth as NodeHealth
-from mcserver.canopen.views import ParameterInfo as ParameterInfo
-from mcserver.canopen.views import ScannedNode as ScannedNode
-from mcserver.canopen.views import ScopeSignal as ScopeSignal
-from mcserver.canopen.views import SdoReply as SdoReply
-from mcserver.canopen.views import SdoType as SdoType
-from mcserver.canopen.views import TunedLoop as TunedLoop
+from mcserver.canopen.views import BusHealth, BusScan, DriveInfo, SdoType
 from mcserver.net.messages import AxisIndex, Request
 
 NodeNumber = Annotated[int, Meta(ge=1, le=127)]

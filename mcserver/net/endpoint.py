@@ -13,6 +13,7 @@ import msgspec
 import zenoh
 
 from mcserver.errors import ServiceError
+from mcserver.net import qos
 from mcserver.net.configuration import (
     NetworkOptions,
     Reach,
@@ -29,7 +30,6 @@ from mcserver.net.link_watch import LinkWatch, accepts_connections
 from mcserver.net.messages import EstopRequest, StreamLines
 from mcserver.net.methods import machine_methods
 from mcserver.net.publishing import PublishingThread
-from mcserver.net.qos import ack_qos, emergency_stop_qos, event_qos
 from mcserver.net.replies import ReplySender
 from mcserver.net.rpc import RpcServer
 from mcserver.net.servo_messages import StreamTargets
@@ -202,7 +202,7 @@ class MachineEndpoint:
             publisher = self._acks.get(ack.program)
             if publisher is None:
                 publisher = self._acks[ack.program] = self._session.publisher(
-                    self.keys.ack(ack.program), ack_qos()
+                    self.keys.ack(ack.program), qos.ACK
                 )
             publisher.put(self._encode(ack))
             if ack.state in ENDED:
@@ -309,9 +309,8 @@ class MachineEndpoint:
             message = "a malformed message made a Zenoh session deaf; another one was opened in its place" + (
                 f", and held are {', '.join(held)}: see that all is well, and resume" if held else ""
             )
-            log.error("MC525: %s", message)
             service.record_command("", "hold", detail=f"MC525: {message}")
-            service.events.publish("warning", reason="MC525", message=message)
+            service.events.warn("MC525", message, level=logging.ERROR)
 
     async def _replace_emergency_session(self) -> None:
         assert self._emergency is not None
@@ -351,7 +350,7 @@ class MachineEndpoint:
     async def _forsake_missing(self, service: MachineService) -> None:
         await asyncio.sleep(CLIENTS_RETURN_S)
         for client in self._clients.missing():
-            service.client_gone(client)
+            service.absences.gone(client)
 
     async def _opened_again(
         self, configuration: Callable[[NetworkOptions, Reach], zenoh.Config | None]
@@ -367,8 +366,8 @@ class MachineEndpoint:
                 await asyncio.sleep(TOKEN_PAUSE_S)
 
     def _speak_through(self, session: ZenohSession) -> None:
-        self._events = session.recoverable_publisher(self.keys.event, event_qos())
-        self._confirmations = session.publisher(self.keys.event, emergency_stop_qos())
+        self._events = session.recoverable_publisher(self.keys.event, qos.EVENT)
+        self._confirmations = session.publisher(self.keys.event, qos.EMERGENCY_STOP)
         self._acks = {}
 
     async def _stop_publishing(self) -> None:
@@ -433,16 +432,15 @@ class MachineEndpoint:
         gone = sample.kind == zenoh.SampleKind.DELETE
         self._clients.hear(client, gone=gone)
         if gone:
-            service.client_gone(client)
+            service.absences.gone(client)
         else:
-            service.client_back(client)
+            service.absences.back(client)
 
     def _on_server(self, service: MachineService, sample: zenoh.Sample) -> None:
         key = str(sample.key_expr)
         if sample.kind == zenoh.SampleKind.PUT and instance_of(key) != service.options.instance:
             message = f"{_second_server(self.keys, key)}: {NAME_REMEDY}"
-            log.error("MC528: %s", message)
-            service.events.publish("warning", reason="MC528", message=message)
+            service.events.warn("MC528", message, level=logging.ERROR)
 
     def _stop_request(self, payload: bytes) -> EstopRequest:
         """Decode a stop; whatever the payload is, it stops the machine."""

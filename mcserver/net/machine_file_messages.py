@@ -7,7 +7,8 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from mcserver.net.messages import Request, Sha256, WireDiagnostic
+from mcserver.net.messages import Request, Sha256
+from mcserver.service.reports import WireDiagnostic
 
 MAX_TEXT = 1 << 20
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
 from pathlib import Path
 
 from mcserver.errors import Diagnostic, McError, Refused
@@ -17,15 +16,10 @@ from mcserver.simulation.machine_faults import find_machine_faults
 
 
 class MachineFileMethods:
-    """Reads and writes the file that the server was started with.
+    """Reads and writes the file that the server was started with."""
 
-    Args:
-        record: records who did what: client, method, program, detail.
-    """
-
-    def __init__(self, service: MachineService, record: Callable[[str, str, str | None, str], None]) -> None:
+    def __init__(self, service: MachineService) -> None:
         self._service = service
-        self._record = record
         self._turn = asyncio.Lock()
 
     async def machine_file(self, _client: str, _request: wire.MachineFileRequest) -> wire.MachineFileReply:
@@ -63,7 +57,8 @@ class MachineFileMethods:
                     "give the server's user the folder, and its unit ReadWritePaths",
                 ) from error
         who = f" by {request.by}" if request.by else ""
-        self._record(client, "write_machine_file", None, f"{path.name}{who}: {changed(before, request.text)}")
+        detail = f"{path.name}{who}: {changed(before, request.text)}"
+        self._service.record_command(client, "write_machine_file", detail=detail)
         return wire.WriteMachineFileReply(True, kept.name, shown)
 
     def _loaded(self) -> LoadedFile:

@@ -1,10 +1,8 @@
 """Every payload of the key space, typed: MessagePack maps unless a docstring says array.
 
-What the service reports on its own (acknowledgements, states, events) is defined in
-`mcserver.service.reports` and named here too.
-
-The wire is defined here and in the files `*_messages.py` beside this one. `mcserver.net.schemas` publishes it
-as JSON Schema, and docs/keyspace.md and docs/wire explain it. Positions are in mm (linear axes) or deg
+The wire is defined here, in the files `*_messages.py` beside this one, and in the other modules that
+`mcserver.net.schemas` lists, such as `mcserver.service.reports`. That module publishes it as JSON Schema, and
+docs/keyspace.md and docs/wire explain it. Positions are in mm (linear axes) or deg
 (rotary axes), velocities in mm/s or deg/s, torques in N·m, times in seconds since the executor's start.
 Fields that are added later have a default, and a reader skips unknown fields, so the two sides may have
 different versions.
@@ -20,60 +18,7 @@ from msgspec import Meta
 from mcserver.errors import Edit as Edit
 from mcserver.machine.clearance_section import RunRole
 from mcserver.service.approach import Outputs
-from mcserver.service.reports import (
-    Ack as Ack,
-)
-from mcserver.service.reports import (
-    AxesStatus as AxesStatus,
-)
-from mcserver.service.reports import (
-    DiskStatus as DiskStatus,
-)
-from mcserver.service.reports import (
-    Event as Event,
-)
-from mcserver.service.reports import (
-    Fault as Fault,
-)
-from mcserver.service.reports import (
-    InputStatus as InputStatus,
-)
-from mcserver.service.reports import (
-    LineReport as LineReport,
-)
-from mcserver.service.reports import (
-    MachineStatus as MachineStatus,
-)
-from mcserver.service.reports import (
-    MountedTool as MountedTool,
-)
-from mcserver.service.reports import (
-    OnDisconnect as OnDisconnect,
-)
-from mcserver.service.reports import (
-    OutputStatus as OutputStatus,
-)
-from mcserver.service.reports import (
-    ProbeStatus as ProbeStatus,
-)
-from mcserver.service.reports import (
-    ProgramState as ProgramState,
-)
-from mcserver.service.reports import (
-    ProgramStatus as ProgramStatus,
-)
-from mcserver.service.reports import (
-    ServoStatus as ServoStatus,
-)
-from mcserver.service.reports import (
-    ToolPose as ToolPose,
-)
-from mcserver.service.reports import (
-    WireDiagnostic as WireDiagnostic,
-)
-from mcserver.service.reports import (
-    WorkOffset as WorkOffset,
-)
+from mcserver.service.reports import Event, OnDisconnect, ProgramState, ProgramStatus, WireDiagnostic
 from mcserver.service.tool_reach import ToolDirection, ToolFrame
 from mcserver.simulation.assertions import MOST_ASSERTIONS, Assertion
 from mcserver.simulation.assertions import Quantity as Quantity

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import msgspec
 
+from mcserver.canopen import views
 from mcserver.net import arming_messages as arming
 from mcserver.net import drive_messages as drive
 from mcserver.net import info_messages as machine
@@ -21,6 +22,8 @@ from mcserver.net import servo_messages as servo
 from mcserver.net import table_messages as tables
 from mcserver.net import text_messages as text
 from mcserver.net.roles import ASKERS, CONFIGURERS, EVERYBODY, MOVERS, Role, Roles
+from mcserver.recorder import folder
+from mcserver.service import reports
 
 # how long a caller waits for the answer [s]: at once, from a drive or disk, of a whole program
 PROMPT_S, SLOW_S, WHOLE_FILE_S, WHOLE_PROGRAM_S = 5.0, 15.0, 90.0, 300.0
@@ -58,7 +61,7 @@ METHODS: tuple[Method, ...] = (
     Method(
         "status",
         wire.StatusRequest,
-        wire.MachineStatus,
+        reports.MachineStatus,
         EVERYBODY,
         "Tell the state of the machine now.",
     ),
@@ -403,7 +406,7 @@ METHODS: tuple[Method, ...] = (
     Method(
         "recording_read",
         recording.RecordingReadRequest,
-        recording.RecordingPart,
+        folder.RecordingPart,
         EVERYBODY,
         "Read part of a recording's file.",
         deadline_s=SLOW_S,
@@ -439,7 +442,7 @@ METHODS: tuple[Method, ...] = (
     Method(
         "drive_parameters",
         drive.DriveParametersRequest,
-        drive.DriveParameters,
+        views.DriveParameters,
         ASKERS,
         "List the objects of a drive's dictionary by the names of its EDS, with types, access and limits. "
         "The drive is not asked.",
@@ -455,7 +458,7 @@ METHODS: tuple[Method, ...] = (
     Method(
         "drive_scope",
         drive.DriveScopeRequest,
-        drive.DriveTrace,
+        views.DriveTrace,
         CONFIGURERS,
         "Record every mapped object of an axis in each cycle, around a trigger. Nothing is sent.",
         deadline_s=WHOLE_FILE_S,
@@ -463,7 +466,7 @@ METHODS: tuple[Method, ...] = (
     Method(
         "drive_tune",
         drive.DriveTuneRequest,
-        drive.DriveTuning,
+        views.DriveTuning,
         CONFIGURERS,
         "Judge the gains of an axis in mode cst or csv by the motion of a program. Nothing is sent.",
         deadline_s=WHOLE_FILE_S,
@@ -471,7 +474,7 @@ METHODS: tuple[Method, ...] = (
     Method(
         "sdo_read",
         drive.SdoReadRequest,
-        drive.SdoReply,
+        views.SdoReply,
         ASKERS,
         "Read an object of a drive's dictionary.",
         deadline_s=SLOW_S,
@@ -479,7 +482,7 @@ METHODS: tuple[Method, ...] = (
     Method(
         "sdo_write",
         drive.SdoWriteRequest,
-        drive.SdoReply,
+        views.SdoReply,
         CONFIGURERS,
         "Write an object of a drive's dictionary, unless that would fight the cycle.",
         changes=True,

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Awaitable
 from typing import TYPE_CHECKING
 
-from mcserver.canopen.views import SdoTarget
+from mcserver.canopen import views
 from mcserver.errors import Refused, ServiceError
 from mcserver.gcode.profiles.codes import ACTING
 from mcserver.gcode.profiles.frame import LENGTH_AXIS
@@ -34,6 +33,7 @@ from mcserver.service.homing import HomingService
 from mcserver.service.jog import Jogging
 from mcserver.service.program import Program
 from mcserver.service.program_options import ProgramOptions
+from mcserver.service.reports import MachineStatus
 from mcserver.service.service import MachineService
 from mcserver.service.servo import close_targets
 from mcserver.simulation.program_checker import ProgramChecker
@@ -43,8 +43,6 @@ if TYPE_CHECKING:
     # needs the packages of CANopen
     from mcserver.canopen.access import OperatorAccess
 
-log = logging.getLogger(__name__)
-
 
 def machine_methods(
     service: MachineService,
@@ -53,31 +51,18 @@ def machine_methods(
     drives: OperatorAccess | None,
     recorder: RecorderClient | None = None,
 ) -> dict[str, Handler]:
-    """Bind every method to one machine's service.
-
-    Args:
-        service: of the programs.
-        jogging: motion by hand.
-        checker: of checks and simulations.
-        drives: on buses. recorder: of recordings. None: there are none.
-
-    Returns:
-        Handlers by name of their method.
-    """
+    """Return the handler of each method by its name, for one machine's service."""
     forecast = TextForecast(service, checker)
     return bound_handlers(
         (
             ProgramMethods(service, jogging, drives, forecast),
             TextMethods(service, checker, forecast),
             ArmingMethods(service, checker),
-            RecordingMethods(
-                recorder,
-                lambda client, method, detail: _record(service, client, method, None, detail),
-            ),
+            RecordingMethods(service, recorder),
             ModelMethods(service.machine),
-            RecoveryMethods(service, forecast.begin, lambda *what: _record(service, *what)),
-            ServoMethods(service, lambda *what: _record(service, *what)),
-            MachineFileMethods(service, lambda *what: _record(service, *what)),
+            RecoveryMethods(service, forecast),
+            ServoMethods(service),
+            MachineFileMethods(service),
         )
     )
 
@@ -89,6 +74,7 @@ class ProgramMethods:
         self, service: MachineService, jogging: Jogging, drives: OperatorAccess | None, forecast: TextForecast
     ) -> None:
         self._service = service
+        self._record = service.record_command
         self._jogging = jogging
         self._drives = drives
         self._forecast = forecast
@@ -129,7 +115,7 @@ class ProgramMethods:
         )
 
     def leave(self, client: str, _request: wire.LeaveRequest) -> wire.Done:
-        return _done(self._service.leave(client))
+        return _done(self._service.absences.leave(client))
 
     def submit(self, client: str, request: wire.SubmitRequest) -> Awaitable[wire.SubmitReply]:
         taken = self._service.lines.submit(
@@ -225,7 +211,7 @@ class ProgramMethods:
         self._service.latch.emergency_stop(client, request.reason)
         return wire.Done([])
 
-    def status(self, _client: str, _request: wire.StatusRequest) -> wire.MachineStatus:
+    def status(self, _client: str, _request: wire.StatusRequest) -> MachineStatus:
         return machine_status(self._service, self._units)
 
     async def programs(self, _client: str, request: wire.ProgramsRequest) -> wire.ProgramsReply:
@@ -252,7 +238,7 @@ class ProgramMethods:
 
     def drive_parameters(
         self, _client: str, request: drive_wire.DriveParametersRequest
-    ) -> drive_wire.DriveParameters:
+    ) -> views.DriveParameters:
         return self._reachable.parameters(request.axis)
 
     async def drives_health(
@@ -260,7 +246,7 @@ class ProgramMethods:
     ) -> drive_wire.DrivesHealthReply:
         return drive_wire.DrivesHealthReply(await self._reachable.listening.health(request.seconds))
 
-    async def drive_scope(self, _client: str, request: drive_wire.DriveScopeRequest) -> drive_wire.DriveTrace:
+    async def drive_scope(self, _client: str, request: drive_wire.DriveScopeRequest) -> views.DriveTrace:
         return await self._reachable.listening.scope(
             request.axis,
             request.seconds,
@@ -270,13 +256,13 @@ class ProgramMethods:
             level=request.level,
         )
 
-    async def drive_tune(self, _client: str, request: drive_wire.DriveTuneRequest) -> drive_wire.DriveTuning:
+    async def drive_tune(self, _client: str, request: drive_wire.DriveTuneRequest) -> views.DriveTuning:
         return await self._reachable.listening.tune(request.axis, request.seconds)
 
-    async def sdo_read(self, _client: str, request: drive_wire.SdoReadRequest) -> drive_wire.SdoReply:
+    async def sdo_read(self, _client: str, request: drive_wire.SdoReadRequest) -> views.SdoReply:
         return await self._reachable.sdo_read(_target(request), request.type)
 
-    async def sdo_write(self, client: str, request: drive_wire.SdoWriteRequest) -> drive_wire.SdoReply:
+    async def sdo_write(self, client: str, request: drive_wire.SdoWriteRequest) -> views.SdoReply:
         reply = await self._reachable.sdo_write(_target(request), request.type, request.value)
         where = f"axis {request.axis}" if request.axis is not None else f"node {request.node}"
         self._record(client, "sdo_write", None, f"{where} {request.index:04X}h.{request.subindex}")
@@ -317,20 +303,11 @@ class ProgramMethods:
     def info(self, _client: str, _request: wire.InfoRequest) -> Info:
         return machine_info(self._service, [method.name for method in METHODS])
 
-    def _record(self, client: str, method: str, program: str | None = None, detail: str = "") -> None:
-        _record(self._service, client, method, program, detail)
 
-
-def _record(service: MachineService, client: str, method: str, program: str | None, detail: str) -> None:
-    """Record who did what: in the journal, in the log, and as an event."""
-    log.info("%s: %s %s %s", client, method, program or "the machine", detail)
-    service.record_command(client, method, program, detail)
-
-
-def _target(request: drive_wire.SdoReadRequest) -> SdoTarget:
+def _target(request: drive_wire.SdoReadRequest) -> views.SdoTarget:
     if (request.axis is None) == (request.node is None):
         raise ServiceError("MC511", "an SDO goes to one drive", "give either `axis` or `node`")
-    return SdoTarget(request.index, request.subindex, request.axis, request.node, request.bus)
+    return views.SdoTarget(request.index, request.subindex, request.axis, request.node, request.bus)
 
 
 async def _submit_reply(taken: Awaitable[Program]) -> wire.SubmitReply:

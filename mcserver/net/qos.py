@@ -20,24 +20,12 @@ class Qos(msgspec.Struct, frozen=True):
     reliability: zenoh.Reliability = zenoh.Reliability.RELIABLE
 
 
-def ack_qos() -> Qos:
-    return Qos(zenoh.Priority.INTERACTIVE_HIGH, express=True)
-
-
-def event_qos() -> Qos:
-    return Qos(zenoh.Priority.DATA_HIGH)
-
-
-def batch_qos() -> Qos:
-    return Qos(zenoh.Priority.DATA, reliability=zenoh.Reliability.BEST_EFFORT)
-
-
-def state_qos() -> Qos:
-    return Qos(zenoh.Priority.DATA_LOW, reliability=zenoh.Reliability.BEST_EFFORT)
-
-
-def axis_qos() -> Qos:
-    return Qos(zenoh.Priority.BACKGROUND, reliability=zenoh.Reliability.BEST_EFFORT)
+ACK = Qos(zenoh.Priority.INTERACTIVE_HIGH, express=True)
+EVENT = Qos(zenoh.Priority.DATA_HIGH)
+BATCH = Qos(zenoh.Priority.DATA, reliability=zenoh.Reliability.BEST_EFFORT)
+STATE = Qos(zenoh.Priority.DATA_LOW, reliability=zenoh.Reliability.BEST_EFFORT)
+AXIS = Qos(zenoh.Priority.BACKGROUND, reliability=zenoh.Reliability.BEST_EFFORT)
+EMERGENCY_STOP = Qos(zenoh.Priority.REAL_TIME, zenoh.CongestionControl.BLOCK, express=True)
 
 
 def reply_qos() -> list[dict[str, object]]:
@@ -63,7 +51,3 @@ def reply_qos() -> list[dict[str, object]]:
         }
         for name, (keys, overwritten) in calls.items()
     ]
-
-
-def emergency_stop_qos() -> Qos:
-    return Qos(zenoh.Priority.REAL_TIME, zenoh.CongestionControl.BLOCK, express=True)

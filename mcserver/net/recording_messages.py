@@ -8,9 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from mcserver.net.messages import Request
-from mcserver.recorder.folder import MAX_PART_BYTES
-from mcserver.recorder.folder import RecordingInfo as RecordingInfo
-from mcserver.recorder.folder import RecordingPart as RecordingPart
+from mcserver.recorder.folder import MAX_PART_BYTES, RecordingInfo
 from mcserver.recorder.messages import RecorderStatus as RecorderStatus
 
 RecordingName = Annotated[str, Meta(max_length=100)]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
 from pathlib import Path
 
 from mcserver.errors import ServiceError
 from mcserver.net import recording_messages as wire
 from mcserver.recorder.client import RecorderClient
-from mcserver.recorder.folder import RecordingFolder
+from mcserver.recorder.folder import RecordingFolder, RecordingPart
+from mcserver.service.service import MachineService
 
 _NO_FOLDER = RecordingFolder(Path("/nonexistent"))
 
@@ -18,14 +18,13 @@ class RecordingMethods:
     """Handles messages for the recorder.
 
     Args:
-        recorder: the server's; None: the machine file disables it. note: publishes who did what: client,
-            method, detail.
+        recorder: the server's; None: the machine file disables it.
     """
 
-    def __init__(self, recorder: RecorderClient | None, note: Callable[[str, str, str], None]) -> None:
+    def __init__(self, service: MachineService, recorder: RecorderClient | None) -> None:
+        self._service = service
         self._client = recorder
         self._folder = _NO_FOLDER if recorder is None else recorder.folder
-        self._note = note
 
     @property
     def _recorder(self) -> RecorderClient:
@@ -37,17 +36,17 @@ class RecordingMethods:
 
     async def record_start(self, client: str, request: wire.RecordStartRequest) -> wire.RecordReply:
         name = await self._recorder.record(request.name, request.max_s)
-        self._note(client, "record_start", name)
+        self._service.record_command(client, "record_start", detail=name)
         return wire.RecordReply(name)
 
     async def record_stop(self, client: str, request: wire.RecordStopRequest) -> wire.RecordReply:
         name = await self._recorder.stop_recording(request.name)
-        self._note(client, "record_stop", name)
+        self._service.record_command(client, "record_stop", detail=name)
         return wire.RecordReply(name)
 
     async def record_save(self, client: str, request: wire.RecordSaveRequest) -> wire.RecordReply:
         name = await self._recorder.save(request.reason or "asked")
-        self._note(client, "record_save", name)
+        self._service.record_command(client, "record_save", detail=name)
         return wire.RecordReply(name)
 
     async def recordings(self, _client: str, _request: wire.RecordingsRequest) -> wire.RecordingsReply:
@@ -57,5 +56,5 @@ class RecordingMethods:
         found = await asyncio.to_thread(self._folder.entries, writing)
         return wire.RecordingsReply(found, status, str(self._folder.path))
 
-    async def recording_read(self, _client: str, request: wire.RecordingReadRequest) -> wire.RecordingPart:
+    async def recording_read(self, _client: str, request: wire.RecordingReadRequest) -> RecordingPart:
         return await asyncio.to_thread(self._folder.read, request.name, request.offset, request.size)

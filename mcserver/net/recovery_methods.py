@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from mcserver.errors import Refused
 from mcserver.gcode.modal_codes import modal_codes
 from mcserver.gcode.switches import Switches
 from mcserver.net import recovery_messages as wire
+from mcserver.net.text_forecast import TextForecast
 from mcserver.service.approach import Confirmation
 from mcserver.service.axes_of_requests import axes_of
 from mcserver.service.journal_reader import RecordedProgram
@@ -16,22 +17,11 @@ from mcserver.service.service import MachineService
 
 
 class RecoveryMethods:
-    """Handles the messages for one machine's service.
+    """Handles the messages for one machine's service."""
 
-    Args:
-        forecast: called with the hash of a text whose program begins.
-        record: records who did what: client, method, program, detail.
-    """
-
-    def __init__(
-        self,
-        service: MachineService,
-        forecast: Callable[[str | None], None],
-        record: Callable[[str, str, str, str], None],
-    ) -> None:
+    def __init__(self, service: MachineService, forecast: TextForecast) -> None:
         self._service = service
         self._forecast = forecast
-        self._record = record
 
     async def continuation(self, _client: str, request: wire.ContinuationRequest) -> wire.Continuation:
         recovery = self._service.recovery
@@ -58,8 +48,9 @@ class RecoveryMethods:
             grace_s=request.grace_s,
             hold=request.hold,
         )
-        self._forecast(program.sha256)
-        self._record(client, "continue_program", program.program, f"line {program.start_line}")
+        self._forecast.begin(program.sha256)
+        detail = f"line {program.start_line}"
+        self._service.record_command(client, "continue_program", program.program, detail)
         await self._service.recorded(program)
         return wire.ContinueReply(
             program=program.program,

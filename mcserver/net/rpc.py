@@ -29,7 +29,6 @@ IN_FLIGHT = 512
 INFO_LANES = 4
 _RPC_CHUNK = "/@rpc/"
 
-Settle = Callable[[object, BaseException | None], None]
 # Takes the client's id and a method's request; returns the reply's message, or an awaitable of it; raises
 # `McError`.
 Handler = Callable[[str, Any], Any]
@@ -78,9 +77,7 @@ class RpcServer:
     """Answers queries on ``@rpc/{client}/{method}`` and ``info``.
 
     Args:
-        keys: of this machine.
         handlers: by name of the method; ``info`` has its own key.
-        replies: sends replies.
     """
 
     def __init__(self, keys: Keys, handlers: Mapping[str, Handler], replies: ReplySender) -> None:
@@ -93,7 +90,6 @@ class RpcServer:
         self._answers = AnswerMemory(time.monotonic)
         self._replies = replies
         self._info_lane = 0
-        self._under_way = 0
         self._defects = DefectLog(log)
         self._tasks: set[asyncio.Task[None]] = set()
 
@@ -164,7 +160,7 @@ class RpcServer:
 
     def _carry_out(self, asked: KeyedQuery, call: Call, method: Method) -> None:
         request = self._decode(asked.query, call.method)
-        if self._under_way >= IN_FLIGHT:
+        if len(self._tasks) >= IN_FLIGHT:
             raise Refused(
                 "MC508", f"{IN_FLIGHT} requests are being worked on", "send it again later", limit=IN_FLIGHT
             )
@@ -179,24 +175,14 @@ class RpcServer:
         try:
             reply = self._handlers[method.name](call.client, request)
         except Exception as error:
-            self._finish(asked, number, self._failed(call.method, error))
+            self._finish(asked, number, self._failed(asked.key, error))
             return
         if isinstance(reply, msgspec.Struct):
             self._finish(asked, number, Answer(True, self._encode(reply)))
             return
-        self._under_way += 1
-
-        def settle(reply: object, error: BaseException | None) -> None:
-            self._under_way -= 1
-            failed = None if error is None else self._failed(call.method, error)
-            self._finish(asked, number, failed or Answer(True, self._encode(reply)))
-
-        if isinstance(reply, Awaitable):
-            task = asyncio.ensure_future(self._await(reply, settle))
-            self._tasks.add(task)
-            task.add_done_callback(self._tasks.discard)
-        else:
-            settle(reply, None)
+        task = asyncio.ensure_future(self._await(asked, number, reply))
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
 
     def _finish(self, asked: KeyedQuery, number: int | None, answer: Answer) -> None:
         """Answer a call, and everyone who waits for the same answer."""
@@ -212,19 +198,19 @@ class RpcServer:
         written = (b"" if payload is None else payload.to_bytes()) or b"\x80"
         return self._decoders[name](written)
 
-    async def _await(self, reply: Awaitable[object], settle: Settle) -> None:
+    async def _await(self, asked: KeyedQuery, number: int | None, reply: Awaitable[object]) -> None:
         try:
-            value = await reply
+            answer = Answer(True, self._encode(await reply))
         except asyncio.CancelledError:
-            settle(None, ServiceError("MC515", "the server is stopping", "wait for its next start"))
+            stopping = ServiceError("MC515", "the server is stopping", "wait for its next start")
+            answer = self._failed(asked.key, stopping)
         except Exception as error:
-            settle(None, error)
-        else:
-            settle(value, None)
+            answer = self._failed(asked.key, error)
+        self._finish(asked, number, answer)
 
-    def _failed(self, name: str, error: BaseException) -> Answer:
+    def _failed(self, key: str, error: BaseException) -> Answer:
         if not isinstance(error, McError):
-            self._defects.add(f"method {name} failed: {error}", error)
+            self._defects.add(f"the call {key} failed: {error}", error)
         return Answer(False, encode_error(error))
 
     def _send(self, asked: KeyedQuery, answer: Answer) -> None:

@@ -12,6 +12,7 @@ from typing import Any
 
 import msgspec
 
+from mcserver.canopen import views
 from mcserver.net import (
     arming_messages,
     drive_messages,
@@ -26,6 +27,8 @@ from mcserver.net import (
     text_messages,
 )
 from mcserver.net.keys import VERSION_CHUNK
+from mcserver.recorder import folder
+from mcserver.service import reports
 
 _ID = f"mc/{VERSION_CHUNK}"
 
@@ -42,6 +45,9 @@ MODULES = (
     model_messages,
     text_messages,
     machine_file_messages,
+    reports,
+    views,
+    folder,
 )
 
 

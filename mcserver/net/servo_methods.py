@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,21 +24,16 @@ POSE_SCALE.setflags(write=False)
 
 
 class ServoMethods:
-    """Handles the method for one machine's service.
+    """Handles the method for one machine's service."""
 
-    Args:
-        record: records who did what: client, method, program, detail.
-    """
-
-    def __init__(self, service: MachineService, record: Callable[[str, str, str, str], None]) -> None:
+    def __init__(self, service: MachineService) -> None:
         self._service = service
-        self._record = record
 
     async def open_servo(self, client: str, request: wire.ServoRequest) -> wire.ServoReply:
         within = bounds_asked(self._service.machine, request)
         program = await servo.open_servo(self._service, client, request.axes, request.name, within)
         shown = " ".join(str(axis) for axis in program.axes)
-        self._record(client, "open_servo", program.program, f"axis {shown}")
+        self._service.record_command(client, "open_servo", program.program, f"axis {shown}")
         return wire.ServoReply(program.program, servo.streamed(self._service.machine, program.axes))
 
 

@@ -33,17 +33,19 @@ from mcserver.net.info_messages import (
 from mcserver.net.messages import (
     MAX_LINES_A_MESSAGE,
     PROTOCOL_VERSION,
-    AxesStatus,
-    MachineStatus,
-    MountedTool,
-    ToolPose,
-    WorkOffset,
 )
 from mcserver.net.table_messages import Tables, ToolRow
 from mcserver.service.approval_basis import server_version
 from mcserver.service.executor_port import Cycles, Snapshot
 from mcserver.service.line_queue import QUEUE_LINES
-from mcserver.service.reports import AxisState
+from mcserver.service.reports import (
+    AxesStatus,
+    AxisState,
+    MachineStatus,
+    MountedTool,
+    ToolPose,
+    WorkOffset,
+)
 from mcserver.service.service import OPEN_PROGRAMS, MachineService
 from mcserver.service.work_offsets import NO_NOTE, WorkOffsets
 from mcserver.simulation.tool_poses import ToolPoses
@@ -188,7 +190,7 @@ def machine_status(service: MachineService, units: EdgeUnits) -> MachineStatus:
     )
     return MachineStatus(
         t=snapshot.time,
-        wall=service.epoch + snapshot.time,
+        wall=service.time.epoch + snapshot.time,
         instance=service.options.instance,
         state=service.latch.state,
         axes=axes,
@@ -197,13 +199,13 @@ def machine_status(service: MachineService, units: EdgeUnits) -> MachineStatus:
         override=100.0 * service.override,
         late_cycles=snapshot.late_cycles,
         tools=units.tools(snapshot.position),
-        probe=service.probe,
+        probe=service.axis_reports.probe,
         work_offsets=units.work_offsets(service.work_tables.systems),
         inputs=service.channels.inputs(snapshot),
         outputs=service.channels.outputs(snapshot),
-        disk=service.disk,
+        disk=service.disk.status,
         mounted=_mounted(service),
-        bed_mesh=service.bed_mesh,
+        bed_mesh=service.axis_reports.bed_mesh if service.machine.dialect.mesh_axis is not None else None,
     )
 
 
@@ -226,7 +228,7 @@ def machine_info(service: MachineService, methods: list[str]) -> Info:
         server=server_version(),
         protocol=[PROTOCOL_VERSION],
         instance=service.options.instance,
-        epoch=service.epoch,
+        epoch=service.time.epoch,
         cycle_s=machine.cycle_s,
         axes=[axis_info(axis, machine.dialect) for axis in machine.axes],
         tools=[

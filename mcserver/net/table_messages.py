@@ -7,7 +7,8 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from mcserver.net.messages import Request, WorkOffset
+from mcserver.net.messages import Request
+from mcserver.service.reports import WorkOffset
 from mcserver.service.work_offsets import TableChange as TableChange
 
 

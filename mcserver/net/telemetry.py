@@ -9,11 +9,11 @@ import time
 
 import msgspec
 
+from mcserver.net import qos
 from mcserver.net.defects import DefectLog
 from mcserver.net.keys import Keys
 from mcserver.net.messages import TelemetryBlock
 from mcserver.net.publishing import PublishingThread
-from mcserver.net.qos import axis_qos, batch_qos, state_qos
 from mcserver.net.session import ZenohSession, is_zenoh_fault
 from mcserver.net.status import CYCLES_A_MESSAGE, STATE_HZ, EdgeUnits, machine_status
 from mcserver.service.executor_port import ExecutorPort
@@ -29,14 +29,7 @@ CLOSE_LIMIT_S = 1.0
 
 
 class StateTelemetry:
-    """Publishes the state of the whole machine; encoded in the loop, published from a thread.
-
-    Args:
-        session: to publish on.
-        keys: of this machine.
-        service: to publish the state of.
-        publishing: the thread.
-    """
+    """Publishes the state of the whole machine; encoded in the loop, published from a thread."""
 
     def __init__(
         self, session: ZenohSession, keys: Keys, service: MachineService, publishing: PublishingThread
@@ -45,7 +38,7 @@ class StateTelemetry:
         self._publishing = publishing
         self._units = EdgeUnits(service.machine)
         self._encode = msgspec.msgpack.Encoder().encode
-        self._state = session.matched_publisher(keys.telemetry_state, state_qos())
+        self._state = session.matched_publisher(keys.telemetry_state, qos.STATE)
 
     async def run(self) -> None:
         """Publish until cancelled, at absolute times, so that the period does not drift."""
@@ -59,18 +52,13 @@ class StateTelemetry:
                 self._publishing.put(self._state.put, self._encode(state))
             else:
                 # remaining times are updated even without subscribers
-                self._service.estimate()
+                self._service.forecasts.estimate()
 
 
 class CycleTelemetry:
     """Publishes every cycle from its own thread, which only reads the executor's shared memory.
 
     Nothing is read or encoded for keys without subscribers.
-
-    Args:
-        session: to publish on.
-        keys: of this machine.
-        service: of the machine.
     """
 
     def __init__(self, session: ZenohSession, keys: Keys, service: MachineService) -> None:
@@ -78,9 +66,9 @@ class CycleTelemetry:
         self._period_s = CYCLES_A_MESSAGE * service.machine.cycle_s
         self._units = EdgeUnits(service.machine)
         self._encode = msgspec.msgpack.Encoder().encode
-        self._batch = session.matched_publisher(keys.telemetry_batch, batch_qos())
+        self._batch = session.matched_publisher(keys.telemetry_batch, qos.BATCH)
         self._axes = [
-            session.matched_publisher(keys.telemetry_axis(axis.index), axis_qos())
+            session.matched_publisher(keys.telemetry_axis(axis.index), qos.AXIS)
             for axis in service.machine.axes
         ]
         self._next_cycle = 0

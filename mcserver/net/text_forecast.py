@@ -34,7 +34,7 @@ class TextForecast:
         def listen(found: Foreseen) -> bool:
             programs = [each for each in self._running(sha256) if each.switches == switches]
             if found.marks is not None:
-                service.foresee(sha256, found.marks, text.lines, switches)
+                service.forecasts.take(sha256, found.marks, text.lines, switches)
             if found.fault is not None:
                 for program in programs:
                     program.notice = f"line {found.fault.line} will be refused: {found.fault.message}"

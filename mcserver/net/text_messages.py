@@ -7,7 +7,8 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from mcserver.net.messages import LineReport, Request, Sha256, WireDiagnostic, WorkOffset
+from mcserver.net.messages import Request, Sha256
+from mcserver.service.reports import LineReport, WireDiagnostic, WorkOffset
 from mcserver.simulation.assertions import Judged
 from mcserver.simulation.difference import AxisDifference as AxisDifference
 from mcserver.simulation.difference import Difference

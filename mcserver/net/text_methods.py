@@ -61,7 +61,7 @@ class TextMethods:
             request.role,
         )
         if marks is not None:
-            self._service.foresee(hash_of(request.text), marks, switches=start.switches)
+            self._service.forecasts.take(hash_of(request.text), marks, switches=start.switches)
         return report
 
     def _text(self, request: wire.CheckRequest) -> str | Path:

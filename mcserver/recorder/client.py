@@ -64,11 +64,7 @@ class RecorderChild:
 
 
 class RecorderClient:
-    """Starts, feeds and asks the recorder; belongs to the loop.
-
-    Args:
-        launch: starts a process. folder: of the recordings. events: where trouble is reported.
-    """
+    """Starts the recorder, sends it events and commands; belongs to the loop."""
 
     def __init__(
         self, launch: Callable[[], RecorderChild], folder: RecordingFolder, events: Callable[[], EventLog]
@@ -95,7 +91,7 @@ class RecorderClient:
         try:
             child = self._launch()
         except (OSError, RuntimeError) as error:
-            self._warn("MC580", f"the recorder cannot be started: {error}; there is no black box")
+            self._events().warn("MC580", f"the recorder cannot be started: {error}; there is no black box")
             return
         self._child = child
         self._watched = WatchedPipe(self._loop, child.pipe, self._receive)
@@ -217,7 +213,7 @@ class RecorderClient:
             log.info("recording %s written, %d bytes: %s", report.name, report.size, report.reason)
             self._events().publish("recording", reason=report.reason, message=report.name)
         else:
-            self._warn(report.code, report.message)
+            self._events().warn(report.code, report.message)
 
     def _disconnect(self, message: str) -> None:
         child, self._child = self._child, None
@@ -238,16 +234,14 @@ class RecorderClient:
             f"was ended by signal {-code}" if code is not None and code < 0 else f"ended with code {code}"
         )
         if len(self._starts) == MOST_STARTS and time.monotonic() - self._starts[0] < STARTS_WITHIN_S:
-            self._warn(
+            self._events().warn(
                 "MC580", f"the recorder {ending}, once too often: there is no black box until a restart"
             )
             return
-        self._warn("MC580", f"the recorder {ending}; what it held is lost, and another one is started")
+        self._events().warn(
+            "MC580", f"the recorder {ending}; what it held is lost, and another one is started"
+        )
         self.start()
-
-    def _warn(self, code: str, message: str) -> None:
-        log.warning("%s: %s", code, message)
-        self._events().publish("warning", reason=code, message=message)
 
 
 def recorder_for(

@@ -10,11 +10,7 @@ from mcserver.service.reports import Ack
 
 
 class AckSender:
-    """Collects acknowledgements until the next turn of the event loop.
-
-    Args:
-        send: called with each acknowledgement.
-    """
+    """Collects acknowledgements until the next turn of the event loop."""
 
     def __init__(self, send: Callable[[Ack], None]) -> None:
         self._send = send

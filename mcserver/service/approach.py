@@ -1,4 +1,4 @@
-"""Plan the approach to a program's start at a line: to a safe height, over, down; without moving."""
+"""Plan the approach to a line in the middle of a program: lift to a safe height, move over, move down."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ Outputs = Literal["set", "leave"]
 
 
 class Confirmation(msgspec.Struct, frozen=True):
-    """What a person has confirmed.
+    """Answers of a person to the needs of an approach.
 
     Attributes:
-        way: that axes move the way shown. outputs: whether to restore what the program had switched, or to
-            leave it; None: not answered.
+        way: the axes may move along the planned way. outputs: ``set`` restores the outputs and speeds of the
+            program, ``leave`` keeps the present ones; None: not answered.
     """
 
     way: bool = False
@@ -39,11 +39,11 @@ NO_CONFIRMATION = Confirmation()
 
 
 class WayStep(msgspec.Struct, frozen=True):
-    """One move of the way, or what is switched on it.
+    """One step of an approach: a move of axes, or a wait for an input.
 
     Attributes:
-        text: for people. targets: ends, by axis number as text [mm, deg]; empty: nothing moves.
-        rapid: each axis at its own limits; else slowly.
+        text: description for people. targets: end of the move, by axis number as text [mm, deg]; empty: no
+            axis moves. rapid: each axis moves at its own limits; otherwise at the approach velocity.
     """
 
     text: str
@@ -52,12 +52,12 @@ class WayStep(msgspec.Struct, frozen=True):
 
 
 class AxisStart(msgspec.Struct, frozen=True):
-    """An axis of the program at the line.
+    """An axis of a program that is to start at a line.
 
     Attributes:
-        now: where it is [mm, deg]. there: where the program has it before the line; None: not known.
-        energized: the program had it energized there. away: farther from there than the axis's in-position
-            tolerance, or there is not known.
+        now: present position [mm, deg]. there: position in the program before the line [mm, deg]; None:
+            unknown. energized: the axis is energized in the program there. away: the two positions differ by
+            more than the axis's in-position tolerance, or ``there`` is unknown.
     """
 
     axis: int
@@ -69,11 +69,11 @@ class AxisStart(msgspec.Struct, frozen=True):
 
 
 class Switched(msgspec.Struct, frozen=True):
-    """An output, or an axis that turns by itself, which the program had switched otherwise than it is now.
+    """An output, or the speed or torque of an axis, that differs from its value in the program.
 
     Attributes:
-        name: of the output, or such as ``axis 3``. there: as the program had it. now: as it is. unit: of
-            both.
+        name: of the output, or such as ``axis 3``. there: value in the program before the line. now: present
+            value. unit: of both values.
     """
 
     name: str
@@ -83,10 +83,10 @@ class Switched(msgspec.Struct, frozen=True):
 
 
 class Need(msgspec.Struct, frozen=True):
-    """What stands in the way of going on.
+    """What has to be resolved before a program starts at a line: code, message and remedy.
 
     Attributes:
-        confirm: the field of the request that lets it pass, ``way`` or ``outputs``; empty: none does.
+        confirm: field of the request that confirms it, ``way`` or ``outputs``; empty: it cannot be confirmed.
     """
 
     code: str
@@ -99,11 +99,11 @@ class Approach(msgspec.Struct, frozen=True):
     """Approach of a program to its first line.
 
     Attributes:
-        energize: axes to energize first. axes: all of the program. way: moves in order; empty if the axes are
-            there. switched: what the program had switched differently. needs: what has to be resolved first.
-        lines: the way as text in machine coordinates. lines_with_outputs: with the switching as well. Both
-            wait for inputs of ``[dialect.waits]``; ``lines`` only for those whose outputs are as the program
-            had them.
+        energize: axes that are energized first. axes: of the program. way: steps in order; empty: the axes
+            are in place. switched: values that differ from the program's. needs: to be resolved first.
+        lines: G-code of the approach, in machine coordinates. lines_with_outputs: the same, and lines that
+            restore ``switched``. Both wait for inputs of ``[dialect.waits]``; ``lines`` only for those whose
+            outputs are as in the program.
     """
 
     energize: tuple[int, ...]
@@ -116,10 +116,10 @@ class Approach(msgspec.Struct, frozen=True):
 
 
 def plan_approach(machine: Machine, state: StateBefore, now: StartState, lease: Iterable[int]) -> Approach:
-    """Plan the way from the axes' positions to those before a line.
+    """Plan the approach from the axes' present positions to those before a line.
 
     Args:
-        state: before the line. now: of the machine. lease: axes of the program.
+        state: of the program before the line. now: present state of the machine. lease: the program's axes.
     """
     # the second drive of a gantry follows its leader
     leased = set(lease).difference(machine.followers)
@@ -130,7 +130,7 @@ def plan_approach(machine: Machine, state: StateBefore, now: StartState, lease: 
     known = {axis: state.positions[axis] for axis in energize if axis not in state.unknown | free}
     spindle = machine.dialect.spindle
     if spindle in known:
-        # the spindle's angle after M19 counts, not its turns
+        # M19 orients the spindle: restore its angle, not its count of turns
         at = now.positions[spindle]
         known[spindle] = at + math.remainder(known[spindle] - at, math.tau)
     starts = []
@@ -157,62 +157,50 @@ def plan_approach(machine: Machine, state: StateBefore, now: StartState, lease: 
         # the program has no known position of the machine's safe axis
         recovery = None
     moves = _moves(recovery, away_known, known)
-    switched, switching = _switched(machine, state, now, leased)
-    waiting = [each for each in state.awaited if _is_as_it_was(each, state, now)]
-    if switching:
+    switched, restoring = _switched(machine, state, now, leased)
+    waiting = [each for each in state.awaited if _is_restored(each, state, now)]
+    waits = _wait_lines(machine, waiting)
+    if restoring:
         settle = 2.0 if recovery is None else recovery.settle_s
         settle = max([settle, *(each.wait.settle for each in state.awaited)])
-        switching += [f"G04 P{settle:g}", *_waits(machine, state.awaited)]
-    else:
-        switching = _waits(machine, waiting)
+        restoring += [f"G04 P{settle:g}", *_wait_lines(machine, state.awaited)]
     # a spindle has to turn before the axes move down to the work
     at = len(moves) - 1 if moves and recovery is not None and recovery.safe_axis is not None else 0
     codes: list[str] = []
-    with_outputs: list[str] = []
     place = dict(now.positions)
-    for move in moves[:at]:
+    for move in moves:
         codes.append(move.code(machine, recovery, place))
         place.update(move.targets)
-    with_outputs += [*codes, *switching]
-    codes += _waits(machine, waiting)
-    for move in moves[at:]:
-        code = move.code(machine, recovery, place)
-        place.update(move.targets)
-        codes.append(code)
-        with_outputs.append(code)
-    # already within tolerance, but increments start from the exact positions
+    # axes within tolerance move too: increments of the program start from the exact positions
     rest = {axis: end for axis, end in known.items() if abs(end - place[axis]) > SAME}
     if rest:
-        trim = _Move("", rest, rapid=False).code(machine, recovery, place)
-        codes.append(trim)
-        with_outputs.append(trim)
+        codes.append(_Move("", rest, rapid=False).code(machine, recovery, place))
     capture = [" ".join(f"G1010 P{axis}" for axis in energize)] if energize else []
     return Approach(
         energize=energize,
         axes=tuple(starts),
         way=(
             *(move.step(machine) for move in moves[:at]),
-            *(WayStep(text) for text in _said(machine, waiting)),
+            *(WayStep(text) for text in _wait_texts(machine, waiting)),
             *(move.step(machine) for move in moves[at:]),
         ),
         switched=tuple(switched),
         needs=tuple(_needs(machine, state, now, starts, switched, by_machine=recovery is not None)),
-        lines=(*capture, *codes),
-        lines_with_outputs=(*capture, *with_outputs),
+        lines=(*capture, *codes[:at], *waits, *codes[at:]),
+        lines_with_outputs=(*capture, *codes[:at], *(restoring or waits), *codes[at:]),
     )
 
 
 class _Move(msgspec.Struct):
-    """A move of the way, in SI."""
+    """A move of an approach, in SI; ``verb``: for people."""
 
     verb: str
     targets: dict[int, float]
     rapid: bool
 
     def step(self, machine: Machine) -> WayStep:
-        ends = {}
-        for axis, end in self.targets.items():
-            ends[axis] = end / _axis(machine, axis).type.si_per_unit
+        """Return the move as shown to people."""
+        ends = {axis: end / _axis(machine, axis).type.si_per_unit for axis, end in self.targets.items()}
         places = ", ".join(
             f"{axis_name(axis)} to {end:.3f} {_axis(machine, axis).type.unit}" for axis, end in ends.items()
         )
@@ -234,6 +222,7 @@ class _Move(msgspec.Struct):
 
 
 def _moves(recovery: Recovery | None, away: set[int], known: Mapping[int, float]) -> list[_Move]:
+    """Return the moves of the axes ``away`` to their known positions."""
     if not away:
         return []
     safe = None if recovery is None else recovery.safe_axis
@@ -254,7 +243,7 @@ def _moves(recovery: Recovery | None, away: set[int], known: Mapping[int, float]
 def _switched(
     machine: Machine, state: StateBefore, now: StartState, leased: set[int]
 ) -> tuple[list[Switched], list[str]]:
-    """Return what the program had switched differently, and the lines that restore it."""
+    """Return the values that differ from the program's, and the lines that restore these."""
     found: list[Switched] = []
     codes: list[str] = []
     for column, output in enumerate(machine.outputs):
@@ -278,17 +267,18 @@ def _switched(
     return found, codes
 
 
-def _is_as_it_was(each: Awaited, state: StateBefore, now: StartState) -> bool:
+def _is_restored(each: Awaited, state: StateBefore, now: StartState) -> bool:
+    """Return whether the outputs and the spindle before a wait are as in the program."""
     turns = each.spindle is not None and state.speeds.get(each.spindle)
     return not turns and all(state.outputs.get(column) == now.outputs[column] for column in each.outputs)
 
 
-def _waits(machine: Machine, awaited: Iterable[Awaited]) -> list[str]:
+def _wait_lines(machine: Machine, awaited: Iterable[Awaited]) -> list[str]:
     waits = [each.wait for each in awaited]
     return [f"M66 P{machine.inputs[each.column].number} L3 Q{each.timeout:.9f}" for each in waits]
 
 
-def _said(machine: Machine, awaited: Iterable[Awaited]) -> list[str]:
+def _wait_texts(machine: Machine, awaited: Iterable[Awaited]) -> list[str]:
     waits = [each.wait for each in awaited]
     return [
         f'wait for the input "{machine.inputs[each.column].name}", {each.timeout:g} s at the most'
@@ -305,6 +295,7 @@ def _needs(
     *,
     by_machine: bool,
 ) -> list[Need]:
+    """Return what has to be resolved first; ``by_machine``: the way is that of ``[recovery]``."""
     needs = []
     lost = [
         each.axis
@@ -336,8 +327,8 @@ def _needs(
         needs.append(Need("MC592", message, hint, "way"))
     if switched:
         names = ", ".join(f"{each.name} {each.there:g} {each.unit}".rstrip() for each in switched)
-        answered = [each for each in state.awaited if not _is_as_it_was(each, state, now)]
-        then = "".join(f" and {text}," for text in _said(machine, answered))
+        answered = [each for each in state.awaited if not _is_restored(each, state, now)]
+        then = "".join(f" and {text}," for text in _wait_texts(machine, answered))
         hint = f"say whether to set them{then} or to leave them"
         needs.append(Need("MC593", f"the program had switched {names}", hint, "outputs"))
     if state.scaled:
@@ -355,7 +346,7 @@ def _needs(
 
 
 def refuse_needs(approach: Approach, *, way: bool, outputs: Outputs | None) -> None:
-    """Refuse if something has not been confirmed yet.
+    """Refuse a start with needs that are not confirmed.
 
     Raises:
         ServiceError: MC450, MC517, MC592, MC593, MC594.
@@ -369,7 +360,7 @@ def refuse_needs(approach: Approach, *, way: bool, outputs: Outputs | None) -> N
 
 
 def free_axes(machine: Machine) -> frozenset[int]:
-    """Return axes whose position does not matter beyond a program, such as a printer's extruders."""
+    """Return axes whose positions have no meaning outside of a program, such as a printer's extruders."""
     dialect = machine.dialect
     if dialect.profile != "printer":
         return frozenset()

@@ -52,7 +52,7 @@ class Extent(msgspec.Struct, frozen=True):
     """Least and greatest setpoint of an axis [mm or deg], and its greatest speed [mm/s or deg/s].
 
     Attributes:
-        turns: it turns on at a speed (G1030): its positions are not bounded.
+        turns: the axis turns continuously at a speed (G1030): its positions are not bounded.
     """
 
     axis: int
@@ -73,18 +73,18 @@ class ToolExtent(msgspec.Struct, frozen=True):
 
 
 class ToolPath(msgspec.Struct, frozen=True):
-    """Where a tool is at the moments of a `RunPath`: ``position`` has X, Y and Z, a value a moment [mm]."""
+    """Path of a tool; ``position``: lists of X, of Y and of Z at the moments of the `RunPath` [mm]."""
 
     tool: int
     position: list[list[float]]
 
 
 class RunPath(msgspec.Struct, frozen=True):
-    """The simulated path of a request, at some moments evenly in time, for a picture.
+    """Simulated path of a request, sampled at equal intervals, for a picture.
 
     Attributes:
-        time_s: n moments from the run's begin. positions: for each axis of the request n setpoints [mm or
-        deg]. tools: those that these axes move.
+        time_s: n moments after the start of the run [s]. positions: for each axis of the request n setpoints
+            [mm or deg]. tools: paths of the tools that these axes move.
     """
 
     time_s: list[float]
@@ -96,25 +96,26 @@ NO_PATH = RunPath([], [], [])
 
 
 class RunRequest(msgspec.Struct, frozen=True):
-    """A program that waits for an operator.
+    """A request for a run of one text.
 
     Attributes:
-        number: of the request; a repeated request for the same text gets another one.
-        path: as simulated.
-        client: that made it, and alone may start it. sha256: of the text in UTF-8.
-        axes: that it may move.
-        start: inputs of the simulation besides text and machine. inputs: columns that it reads.
-        references: of axes, as of `MachineService.references`, on which its positions are based.
-        envelope: extents, speeds and duration, without tolerances. effects: lasting changes, in words.
+        client: requester, who alone may start the run. sha256: of the text in UTF-8.
+        axes: axes that the run may move.
+        start: initial state of the simulation. inputs: columns of the inputs that the run reads.
+        duration_s, extents, tools: of the simulated motion, as shown to people. path: for a picture.
+        until: end of the wait for an operator, or of the arming [s of the clock].
+        override: greatest feed override, 1 as programmed. operator: who armed or rejected the run.
+        number: of the request; when the same text is requested again, it gets another number.
+        envelope: extents, speeds and duration of the simulated motion, without tolerances.
+        effects: lasting changes that the run makes, in words.
+        references: position less encoder reading of each axis at the request [m or rad].
         digest: SHA-256 over all inputs of the simulation.
-        until: end of the wait, or of the arming [s of the clock].
-        override: greatest feed override that the operator allows, 1 as programmed.
-        operator: who armed or rejected it. reason: of the rejection.
-        outputs: least and greatest value of each output.
-        certifiable: what ``mcserver certify`` signs, JSON.
-        warnings: of its check and simulation, at most `MOST_WARNINGS`; unshown: count of further ones.
-        approval: hash of the standing approval that armed it. servo: such an approval also covers streamed
-            targets. beyond: what of it exceeds the standing approval of its client, in words.
+        reason: of the rejection. outputs: least and greatest value of each output.
+        certifiable: JSON that ``mcserver certify`` signs.
+        approval: hash of the standing approval that armed the run. servo: the standing approval given with
+            the run also covers streamed targets.
+        beyond: what of the run exceeds the standing approval of its client, in words.
+        warnings: of the check and the simulation, at most `MOST_WARNINGS`. unshown: count of further ones.
     """
 
     client: str
@@ -188,7 +189,11 @@ class Arming:
         return list(self._approvals.values())
 
     def arm_within(self, request: RunRequest, beyond: Beyond) -> RunRequest:
-        """Arm a request if it stays within a standing approval of its client; else note what exceeds it."""
+        """Arm a request within a standing approval of its client; else note in it what exceeds the approval.
+
+        Args:
+            beyond: names what of a run exceeds the run of an approval.
+        """
         self._forget()
         outside: list[str] = []
         for approval in self._approvals.values():
@@ -210,10 +215,10 @@ class Arming:
         return request
 
     def approved_targets(self, client: str, axes: AbstractSet[int]) -> RunRequest:
-        """Return the standing approval under which a client may stream targets to axes.
+        """Return the standing approval of a client that covers streamed targets of these axes.
 
         Raises:
-            ServiceError: MC608 there is none.
+            ServiceError: MC608 no approval covers them.
         """
         for approval in self.approvals():
             if approval.servo and approval.client == client and axes <= set(approval.axes):
@@ -226,10 +231,10 @@ class Arming:
         )
 
     def check_room(self, client: str, text: str) -> None:
-        """Refuse a request for which there is no room.
+        """Refuse a request beyond the limits of requests and of their texts.
 
         Raises:
-            ServiceError: MC574 too many wait, or the text is too long.
+            ServiceError: MC574 too many requests wait, or the text is too long.
         """
         self._forget()
         if len(text) > MAX_TEXT:
@@ -242,7 +247,7 @@ class Arming:
             raise Refused("MC574", "too many requests wait for an operator", "withdraw one, or wait")
 
     def request(self, wanted: RunRequest) -> RunRequest:
-        """Add a request; a repeated one waits for an operator again.
+        """Add a new request; it replaces an earlier one for the same text, and waits for an operator.
 
         Raises:
             ServiceError: MC573 another client waits with the same text; MC574 as `check_room`.
@@ -254,13 +259,6 @@ class Arming:
         kept = msgspec.structs.replace(
             wanted,
             until=self._clock() + WAIT_S,
-            state=RunState.WAITING,
-            override=1.0,
-            operator="",
-            reason="",
-            approval="",
-            servo=False,
-            beyond=(),
             number=next(self._numbers),
         )
         self._requests[wanted.sha256] = kept
@@ -270,7 +268,7 @@ class Arming:
         return kept
 
     def find(self, sha256: str) -> RunRequest:
-        """Return the request with this hash of its text, in whatever state.
+        """Return the request with this hash, in any state.
 
         Args:
             sha256: of the text, or at least its first 8 digits.
@@ -292,20 +290,22 @@ class Arming:
         servo: bool = False,
         changes: Changes = lambda _run: [],
     ) -> RunRequest:
-        """Allow a text to be started once.
+        """Arm a waiting request: its client may start the run once.
 
         Args:
             sha256: of the text, or at least its first 8 digits.
-            seconds: time in which it may be started.
+            seconds: time for the start.
             override: greatest feed override, 1 as programmed.
-            number: of the request that the operator has seen; None: the one that waits.
-            standing: duration of a standing approval [s], for requests of its client that stay within it.
-            servo: the standing approval also allows targets streamed within it.
+            number: of the request that the operator has reviewed; None: any.
+            standing: duration of a standing approval [s] for further requests of the client that stay within
+                the envelope of this run; 0: only this run, once.
+            servo: the standing approval also covers streamed targets.
             changes: names what has changed since the simulation began.
 
         Raises:
-            ServiceError: MC570 no request with this hash waits, or it was made again; MC572 its basis has
-                changed; MC574 too many approvals; MC575 the requesting user may not arm.
+            ServiceError: MC570 no request with this hash waits, or it was repeated after the review; MC572
+                inputs of the simulation have changed; MC574 too many approvals; MC575 the operator is the
+                requesting user.
         """
         self._forget()
         request = _only([each for each in self._matching(sha256) if each.state is RunState.WAITING], sha256)
@@ -331,12 +331,12 @@ class Arming:
         return armed
 
     def reject(self, operator: str, sha256: str, reason: str, *, number: int | None = None) -> RunRequest:
-        """Reject a request that has not been started, with a reason for its client to read.
+        """Reject a request that has not been started; its client can read the reason.
 
-        Ends a standing approval that was given with it.
+        A standing approval that was given with the request ends.
 
         Raises:
-            ServiceError: MC570 no request with this hash waits, or it was made again.
+            ServiceError: MC570 no request with this hash waits, or it was repeated after the review.
         """
         request = self._end_approval(sha256) or self._undecided(sha256, number)
         rejected = msgspec.structs.replace(
@@ -350,10 +350,10 @@ class Arming:
         return rejected
 
     def withdraw(self, client: str, sha256: str) -> RunRequest:
-        """Remove a request that has not been started, for its own user.
+        """Remove a request that has not been started; only the user who made it may.
 
         Raises:
-            ServiceError: MC570 nothing waits with this hash; MC573 another user's.
+            ServiceError: MC570 no request with this hash waits; MC573 another user made it.
         """
         request = self._undecided(sha256, None)
         if user_of(request.client) != user_of(client):
@@ -363,10 +363,8 @@ class Arming:
         return request
 
     def _end_approval(self, sha256: str) -> RunRequest | None:
-        """End a standing approval; requests that it has armed wait for an operator again."""
-        found = [
-            sha for sha in self._approvals if len(sha256) >= LEAST_HASH and sha.startswith(sha256.lower())
-        ]
+        """End the standing approval with this hash; requests that it has armed wait for an operator again."""
+        found = [sha for sha in self._approvals if _is_hash_of(sha, sha256)]
         if len(found) != 1:
             return None
         for sha, request in self._requests.items():
@@ -375,7 +373,7 @@ class Arming:
         return self._approvals.pop(found[0])
 
     def client_gone(self, client: str) -> list[RunRequest]:
-        """Remove the requests of a client that has disappeared; return those that could have started."""
+        """Remove the requests of a client that has disappeared; return those that waited or were armed."""
         gone = [each for each in self._requests.values() if each.client == client]
         for each in gone:
             del self._requests[each.sha256]
@@ -396,15 +394,15 @@ class Arming:
         busy: AbstractSet[int],
         changes: Changes,
     ) -> RunRequest:
-        """Use up an arming, and return its request.
+        """Mark an armed request as started, and return it; it cannot be started again.
 
         Args:
             busy: axes that another program moves.
             changes: names what has changed since the simulation began.
 
         Raises:
-            ServiceError: MC571 not armed, or no longer; MC572 its basis has changed; MC573 another client's;
-                MC576 rejected.
+            ServiceError: MC571 the text is not armed, or no longer; MC572 inputs of the simulation have
+                changed; MC573 another client requested the run; MC576 an operator has rejected it.
         """
         self._forget()
         request = self._requests.get(hash_of(text))
@@ -433,20 +431,17 @@ class Arming:
         return started
 
     def _undecided(self, sha256: str, number: int | None) -> RunRequest:
+        """Return the request with this hash that waits or is armed."""
         request = _only([each for each in self._matching(sha256) if each.state in OPEN], sha256)
         _refuse_other(request, number)
         return request
 
     def _matching(self, sha256: str) -> list[RunRequest]:
         self._forget()
-        return [
-            each
-            for each in self._requests.values()
-            if len(sha256) >= LEAST_HASH and each.sha256.startswith(sha256.lower())
-        ]
+        return [each for each in self._requests.values() if _is_hash_of(each.sha256, sha256)]
 
     def _forget(self) -> None:
-        """Remove what is over, so that nothing of an expired arming can be started."""
+        """Remove requests and approvals whose time is over, so that no expired arming can be started."""
         now = self._clock()
         for kept in (self._requests, self._approvals):
             for sha in [sha for sha, request in kept.items() if now >= request.until]:
@@ -454,10 +449,10 @@ class Arming:
 
 
 def refuse_changed(changed: list[str]) -> None:
-    """Refuse a run whose basis has changed since its simulation.
+    """Refuse a run if inputs of its simulation have changed.
 
     Raises:
-        Refused: MC572, naming the changes.
+        Refused: MC572, with the changes.
     """
     if changed:
         raise Refused(
@@ -468,9 +463,14 @@ def refuse_changed(changed: list[str]) -> None:
 
 
 def _refuse_other(request: RunRequest, number: int | None) -> None:
-    """Refuse a request that was made again since the operator has seen it."""
+    """Refuse a request that was repeated after the operator has reviewed it."""
     if number is not None and number != request.number:
         raise Refused("MC570", "the run was asked for anew, perhaps from elsewhere", "look at it again first")
+
+
+def _is_hash_of(sha256: str, given: str) -> bool:
+    """Return whether the given hash, or at least its first `LEAST_HASH` digits, is this one."""
+    return len(given) >= LEAST_HASH and sha256.startswith(given.lower())
 
 
 def _only(matching: list[RunRequest], sha256: str) -> RunRequest:

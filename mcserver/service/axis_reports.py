@@ -34,8 +34,7 @@ class AxisReports:
     """Publishes homing and probing.
 
     Args:
-        axes: of the machine, in the order of its columns. references: updated when an axis is homed. events:
-            to publish to.
+        axes: of the machine, in the order of its columns. references: updated when an axis is homed.
 
     Attributes:
         probe: result of the last probing move; None before the first.

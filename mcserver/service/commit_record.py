@@ -18,8 +18,6 @@ from pathlib import Path
 
 import msgspec
 
-from mcserver.errors import ServiceError
-
 KEPT_PROGRAMS = 200
 # boot id, committed transactions, count of those known to be on disk, CRC-32 of these
 _HEAD = struct.Struct("<16sQQI")
@@ -74,7 +72,6 @@ class CommitRecord:
     """Maintains the record of a journal that is being written.
 
     Args:
-        journal: the database's file.
         committed: transactions in it. gone: programs that are no longer in it.
 
     Raises:
@@ -136,20 +133,6 @@ class CommitRecord:
         os.pwrite(self._file, content, _PROGRAMS_AT)
         self._end = _PROGRAMS_AT + len(content)
         os.ftruncate(self._file, self._end)
-
-
-def open_commit_record(journal: Path, committed: int) -> CommitRecord:
-    """Open the record of a journal with this count of transactions.
-
-    Raises:
-        ServiceError: MC520 it cannot be written.
-    """
-    try:
-        return CommitRecord(journal, committed)
-    except OSError as error:
-        raise ServiceError(
-            "MC520", f"the journal {journal} cannot be used: {error}", "give a writable file with --journal"
-        ) from error
 
 
 def _line_of(program: str) -> bytes:

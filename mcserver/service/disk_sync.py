@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from mcserver.errors import ServiceError
+from mcserver.service.journal_file import refusing_unusable
 
 SYNC_PERIOD_S = 0.25
 CHECKPOINT_PERIOD_S = 5.0
@@ -32,17 +32,13 @@ class DiskSync:
         self._since: float | None = None
         self._wanted = threading.Event()
         self._closing = threading.Event()
-        try:
+        with refusing_unusable(path):
             self._connection = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
             # a checkpoint syncs the log before it and the database after it, as needed to survive a power cut
             self._connection.execute("PRAGMA synchronous=NORMAL")
             # also opens the log
             self._connection.execute("PRAGMA user_version").fetchone()
             self._log = os.open(f"{path}-wal", os.O_RDONLY | os.O_CLOEXEC)
-        except (sqlite3.Error, OSError) as error:
-            raise ServiceError(
-                "MC520", f"the journal {path} cannot be used: {error}", "give a writable file with --journal"
-            ) from error
         self._thread = threading.Thread(target=self._run, name="journal-sync", daemon=True)
         self._thread.start()
 

@@ -6,14 +6,11 @@ Then progress of programs is reported later, or a power cut would lose more of i
 from __future__ import annotations
 
 import asyncio
-import logging
 from collections.abc import Callable
 
 from mcserver.service.event_log import EventLog
 from mcserver.service.journal import Journal
 from mcserver.service.reports import DiskStatus
-
-log = logging.getLogger(__name__)
 
 LOOK_S = 0.25
 # A commit takes milliseconds, a sync of a disk that is not busy some tens [s].
@@ -72,14 +69,10 @@ class DiskWatch:
                     if commit_s >= SLOW_S
                     else "a power cut takes more"
                 )
-                self._warn(f"the disk of the journal is slow, {slowest:.1f} s so far: {what}")
+                self._events.warn("MC524", f"the disk of the journal is slow, {slowest:.1f} s so far: {what}")
         elif now - self._slow_at < KEEPS_UP_S:
             self.status = DiskStatus(before.since, commit_s, sync_s, max(before.worst_s, slowest))
         else:
             self.status = None
             slow = f"it was slow for {self._slow_at - before.since:.0f} s, took up to {before.worst_s:.1f} s"
-            self._warn(f"the disk of the journal keeps up again; {slow}")
-
-    def _warn(self, message: str) -> None:
-        log.warning("MC524: %s", message)
-        self._events.publish("warning", reason="MC524", message=message)
+            self._events.warn("MC524", f"the disk of the journal keeps up again; {slow}")

@@ -42,14 +42,18 @@ class EventLog:
         self._publish(event)
         return event
 
+    def warn(self, code: str, message: str, *, level: int = logging.WARNING, axis: int | None = None) -> None:
+        """Publish a warning, and log it."""
+        log.log(level, "%s: %s", code, message)
+        self.publish("warning", reason=code, message=message, axis=axis)
+
     def repeat(self, event: Event) -> None:
         """Publish an event again under its number, by which clients recognize it."""
         self._publish(event)
 
     def _clock_was_set(self, step_s: float) -> None:
         message = f"the computer's clock was set by {step_s:+.1f} s: times shown before are by the old one"
-        log.warning("MC564: %s", message)
-        self.publish("warning", reason="MC564", message=message)
+        self.warn("MC564", message)
 
     @property
     def oldest(self) -> int:

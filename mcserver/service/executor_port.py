@@ -77,7 +77,7 @@ class ExecutorPort:
     """
 
     def __init__(self, machine: Machine, executor: ExecutorProcess) -> None:
-        self._columns = {axis.index: column for column, axis in enumerate(machine.axes)}
+        self._machine = machine
         self._executor = executor
         self._closing = threading.Lock()
 
@@ -104,7 +104,7 @@ class ExecutorPort:
             controls: the whole of a program without planner. envelope: to enforce.
         """
         sink = self._executor.open_slot(
-            slot, self._mask(axes), override=ratio, hold=held, unhomed=unhomed, envelope=envelope
+            slot, self._machine.mask_of(axes), override=ratio, hold=held, unhomed=unhomed, envelope=envelope
         )
         for control in controls:
             sink.put_control(control)
@@ -124,7 +124,7 @@ class ExecutorPort:
 
     def reset(self, axes: frozenset[int]) -> None:
         """Clear latched faults of these axes, and the emergency stop."""
-        self._executor.mailbox.reset(self._mask(axes))
+        self._executor.mailbox.reset(self._machine.mask_of(axes))
 
     def snapshot(self) -> Snapshot:
         """Return the newest cycle."""
@@ -133,7 +133,7 @@ class ExecutorPort:
         if not row:
             raise RuntimeError("no cycle has passed yet")
         inputs, outputs, owners = history.channels_of(row)
-        homed, silent = homed_of(row), silent_of(row)
+        homed, silent, columns = homed_of(row), silent_of(row), range(len(self._machine.axes))
         return Snapshot(
             time=row[TIME],
             setpoint=history.axes_of(row, Block.SETPOINT),
@@ -145,8 +145,8 @@ class ExecutorPort:
             inputs=inputs,
             outputs=outputs,
             owners=owners,
-            homed=[bool(homed >> column & 1) for column in range(len(self._columns))],
-            silent=[bool(silent >> column & 1) for column in range(len(self._columns))] if silent else [],
+            homed=[bool(homed >> column & 1) for column in columns],
+            silent=[bool(silent >> column & 1) for column in columns] if silent else [],
             turning=[speed != 0.0 for speed in history.axes_of(row, Block.VELOCITY)],
         )
 
@@ -187,6 +187,3 @@ class ExecutorPort:
         """Stop motion, release the axes and end the executor."""
         if self._closing.acquire(blocking=False):
             self._executor.stop()
-
-    def _mask(self, axes: frozenset[int]) -> int:
-        return sum(1 << self._columns[axis] for axis in axes)

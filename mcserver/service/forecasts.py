@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from mcserver.executor.view import SlotView
 from mcserver.gcode.switches import AS_WRITTEN, Switches
@@ -21,33 +21,40 @@ class Forecasts:
 
     Args:
         port: to read the slots of running programs. cycle_s: of the executor [s].
+        programs: all, by id. now: executor time [s].
     """
 
-    def __init__(self, port: ExecutorPort, cycle_s: float) -> None:
+    def __init__(
+        self,
+        port: ExecutorPort,
+        cycle_s: float,
+        programs: Mapping[str, Program],
+        now: Callable[[], float],
+    ) -> None:
         self._port = port
         self._cycle_s = cycle_s
+        self._programs = programs
+        self._now = now
         self._timelines: OrderedDict[tuple[str, Switches], Timeline] = OrderedDict()
 
     def take(
         self,
         sha256: str,
         marks: LineMarks,
-        programs: Iterable[Program],
         total: int | None = None,
         switches: Switches = AS_WRITTEN,
     ) -> None:
         """Store the times of a text, and give them to the programs that run it.
 
         Args:
-            marks: of the simulation. programs: present ones. total: count of the text's lines.
-            switches: of the simulation.
+            marks: of the simulation. total: count of the text's lines. switches: of the simulation.
         """
         timeline, key = Timeline(marks, total), (sha256, switches)
         self._timelines.pop(key, None)
         self._timelines[key] = timeline
         while len(self._timelines) > TEXTS:
             self._timelines.popitem(last=False)
-        for program in programs:
+        for program in self._programs.values():
             if (program.sha256, program.switches) == key and not program.over:
                 program.clock.foresee(timeline)
 
@@ -62,14 +69,15 @@ class Forecasts:
         if timeline is not None:
             program.clock.foresee(timeline)
 
-    def estimate(self, programs: Iterable[Program], now: float) -> None:
-        """Update the remaining time of all running programs; ``now``: executor time [s].
+    def estimate(self) -> None:
+        """Update the remaining time of all running programs.
 
         Without a simulation it is that of the planned motion, or None if there is none: what follows is
         unknown then. Waits and dwells are added.
         """
         slots: Sequence[SlotView] | None = None
-        for program in programs:
+        now = self._now()
+        for program in self._programs.values():
             if program.slot is None:
                 continue
             override, progress = program.override, program.progress

@@ -50,7 +50,7 @@ class HomingService:
         groups: dict[int, int] = {}
         for axis in chosen:
             order = axis.homing.order if axis.homing is not None else 0
-            groups[order] = groups.get(order, 0) | self._bit(axis.index)
+            groups[order] = groups.get(order, 0) | self._machine.mask_of([axis.index])
         everything = sum(groups.values())
         controls = [Control(ControlKind.AXIS, 0.0, 0, axes=everything, operation=_CAPTURE)]
         controls += [Control(ControlKind.HOME, 0.0, 0, axes=groups[order]) for order in sorted(groups)]
@@ -68,7 +68,6 @@ class HomingService:
         if not positions:
             raise Refused("MC511", "a reference names no axis", "give axes and positions")
         values = [math.nan] * len(self._machine.axes)
-        mask = 0
         for index, position in positions.items():
             axis = axis_of(self._machine, index)
             if axis.homing is None:
@@ -89,10 +88,11 @@ class HomingService:
             if not math.isfinite(position):
                 raise Refused("MC511", f"{position} is no position", "give a number")
             values[self._machine.column_of(index)] = position
-            mask |= self._bit(index)
         self._check_free(list(positions))
         controls = [
-            Control(ControlKind.REFERENCE, 0.0, 0, axes=mask, values=tuple(values)),
+            Control(
+                ControlKind.REFERENCE, 0.0, 0, axes=self._machine.mask_of(positions), values=tuple(values)
+            ),
             Control(ControlKind.FINISH, 0.0, 0),
         ]
         shown = " ".join(str(number) for number in positions)
@@ -117,9 +117,6 @@ class HomingService:
                 "add [axis.homing] to the machine file, or say where axes are: mcctl reference",
             )
         return found
-
-    def _bit(self, index: int) -> int:
-        return 1 << self._machine.column_of(index)
 
     def _check_free(self, axes: Sequence[int]) -> None:
         for axis in axes:

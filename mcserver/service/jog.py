@@ -11,6 +11,7 @@ a jog of all its joints, along a straight line.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import math
 from typing import TYPE_CHECKING
 
@@ -234,15 +235,9 @@ class Jogging:
             self._watches[program_id] = loop.call_later(READING_S, self._let_go, program_id, math.inf)
             return
         self._watches.pop(program_id, None)
-        program = self._found(program_id)
-        if program is not None and not program.over:
+        with contextlib.suppress(Refused):
+            # it may have ended
             self._service.abort(program_id, "the jog was let go")
-
-    def _found(self, program_id: str) -> Program | None:
-        try:
-            return self._service.program(program_id)
-        except Refused:
-            return None
 
     def _move(self, axis: Axis, distance: float | None, velocity: float | None) -> str:
         scale = axis.type.si_per_unit

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import msgspec
 
 from mcserver.planning.start_state import StartState
-from mcserver.service.commit_record import open_commit_record
+from mcserver.service.commit_record import CommitRecord
 from mcserver.service.disk_sync import DiskSync
 from mcserver.service.journal_file import (
     COUNT_COMMIT,
@@ -31,6 +31,7 @@ from mcserver.service.journal_file import (
     insertion,
     open_journal,
     prune,
+    refusing_unusable,
     transaction,
 )
 from mcserver.service.reports import Fault, ProgramState
@@ -91,7 +92,8 @@ class Journal:
         self._stopping = threading.Event()
         self._connection = connect(path)
         self._commits = count_commits(self._connection)
-        self._record = open_commit_record(path, self._commits)
+        with refusing_unusable(path):
+            self._record = CommitRecord(path, self._commits)
         # what could not be written yet, without a thread
         self._failed: list[Entry] = []
         self._thread: threading.Thread | None = None

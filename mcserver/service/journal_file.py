@@ -165,29 +165,41 @@ class JournalBounds(msgspec.Struct, frozen=True):
     commands: int = 100_000
 
 
-def open_journal(path: Path) -> sqlite3.Connection:
-    """Return a connection in WAL mode with the schema created, for use in one thread at a time.
+@contextlib.contextmanager
+def refusing_unusable(path: Path) -> Iterator[None]:
+    """Convert errors of the disk and of SQLite in the block.
 
     Raises:
-        ServiceError: MC520 the file is not a journal of this version, or cannot be written.
+        ServiceError: MC520 the journal cannot be used.
     """
     try:
-        # SQLite gives its files beside it the same permissions
-        os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600))
-        # only explicit transactions: a single statement commits itself, without BEGIN and COMMIT
-        connection = sqlite3.connect(path, check_same_thread=False, timeout=1.0, isolation_level=None)
-        with contextlib.ExitStack() as failed:
-            failed.callback(connection.close)
-            _prepare(connection, path)
-            failed.pop_all()
+        yield
     except (sqlite3.Error, OSError) as error:
         raise ServiceError(
             "MC520", f"the journal {path} cannot be used: {error}", "give a writable file with --journal"
         ) from error
+
+
+def open_journal(path: Path) -> sqlite3.Connection:
+    """Return a connection in WAL mode with the schema created, for use in one thread at a time.
+
+    An existing journal is of this version: see `mcserver.service.journal_repair.prepare_journal`.
+
+    Raises:
+        ServiceError: MC520 the file is not a database, or cannot be written.
+    """
+    with refusing_unusable(path), contextlib.ExitStack() as failed:
+        # SQLite gives its files beside it the same permissions
+        os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600))
+        # only explicit transactions: a single statement commits itself, without BEGIN and COMMIT
+        connection = sqlite3.connect(path, check_same_thread=False, timeout=1.0, isolation_level=None)
+        failed.callback(connection.close)
+        _prepare(connection)
+        failed.pop_all()
     return connection
 
 
-def _prepare(connection: sqlite3.Connection, path: Path) -> None:
+def _prepare(connection: sqlite3.Connection) -> None:
     """Create the schema in a new file."""
     # in a new file: a commit writes whole pages, and is mostly a single short row
     connection.execute(f"PRAGMA page_size={PAGE_BYTES}")
@@ -195,14 +207,7 @@ def _prepare(connection: sqlite3.Connection, path: Path) -> None:
     connection.execute("PRAGMA synchronous=NORMAL")
     # a checkpoint syncs, which a commit must not wait for: `DiskSync` makes them
     connection.execute("PRAGMA wal_autocheckpoint=0")
-    version = connection.execute("PRAGMA user_version").fetchone()[0]
-    if version not in (0, SCHEMA_VERSION):
-        raise ServiceError(
-            "MC520",
-            f"the journal {path} has version {version}, not {SCHEMA_VERSION}",
-            "move the file away, or give another with --journal",
-        )
-    if version == 0:
+    if connection.execute("PRAGMA user_version").fetchone() == (0,):
         with transaction(connection):
             for statement in schema():
                 connection.execute(statement)

@@ -25,6 +25,7 @@ from mcserver.service.journal_file import (
     SCHEMA_VERSION,
     insertion,
     open_journal,
+    refusing_unusable,
     row_checksum,
     transaction,
 )
@@ -91,7 +92,7 @@ def prepare_journal(path: Path) -> Damage | None:
         ServiceError: MC520 it cannot be read or written, or what it lost is unknown.
     """
     record = read_commit_record(path)
-    try:
+    with refusing_unusable(path):
         if path.is_dir():
             raise refusal(path, "it is a folder")
         size = path.stat().st_size if path.exists() else 0
@@ -109,10 +110,6 @@ def prepare_journal(path: Path) -> Damage | None:
         kept = _kept_name(path) if found.damage else None
         _put_in_place(path, rebuilt, kept)
         CommitRecord(path, found.commits, found.lost).close()
-    except (OSError, sqlite3.Error) as error:
-        raise ServiceError(
-            "MC520", f"the journal {path} cannot be used: {error}", "give a writable file with --journal"
-        ) from error
     return None if kept is None else Damage(_said(found.damage, found.lost), kept, tuple(found.lost))
 
 

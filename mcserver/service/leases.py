@@ -29,11 +29,7 @@ class Grant(msgspec.Struct, frozen=True):
 
 
 class LeaseTable:
-    """Holders and waiting programs. Pure bookkeeping without effect on motion.
-
-    Args:
-        slots: most programs that can run side by side.
-    """
+    """Holders and waiting programs. Pure bookkeeping without effect on motion."""
 
     def __init__(self, slots: int = SLOTS) -> None:
         self._free_slots = list(range(slots))

@@ -134,7 +134,6 @@ class Program:
         self.last_reported_credit = queue.limit
         self.last_reported_started = 0
         self.journaled_started = 0
-        self._ended_status: ProgramStatus | None = None
         self._waiting: deque[tuple[int, asyncio.Future[Verdict]]] = deque()
         self._waiting_for_journal: deque[tuple[int, asyncio.Future[Verdict]]] = deque()
         # of waits for records other than lines: opening, close
@@ -184,16 +183,6 @@ class Program:
         return self.held_by if self.held else self.waits_for or self.waits_before
 
     def status(self) -> ProgramStatus:
-        shown = self._ended_status
-        if shown is not None and shown.accepted == self.journaled:
-            return shown
-        shown = self._status()
-        if self.ended:
-            # final: nothing changes any more
-            self._ended_status = shown
-        return shown
-
-    def _status(self) -> ProgramStatus:
         return ProgramStatus(
             program=self.program,
             state=self.state,

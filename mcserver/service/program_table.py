@@ -389,15 +389,11 @@ class ProgramTable:
             return
         self.journal_failure = failure
         if failure:
-            log.error("the journal cannot be written: %s", failure)
-            self.events.publish(
-                "warning", reason="MC519", message=f"the journal cannot be written: {failure}"
-            )
+            self.events.warn("MC519", f"the journal cannot be written: {failure}", level=logging.ERROR)
             for program in self.programs.values():
                 program.dismiss_unjournaled()
             return
-        log.warning("the journal can be written again")
-        self.events.publish("warning", reason="MC519", message="the journal can be written again")
+        self.events.warn("MC519", "the journal can be written again")
 
     # ------------------------------------------------------------ out
 

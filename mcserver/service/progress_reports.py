@@ -22,8 +22,6 @@ class ProgressReports:
     that what is collected while the disk is slow is bounded by the lines that were accepted before.
 
     Args:
-        loop: of the ticks.
-        journal: called with a program's progress and ended lines.
         publish: publishes an event about a program. acknowledge: a program whose ``done`` has changed.
     """
 

@@ -11,8 +11,8 @@ from typing import Literal
 
 import msgspec
 
+from mcserver import errors
 from mcserver.canopen.drive_events import CanopenEventKind
-from mcserver.errors import Diagnostic
 
 ProgramState = Literal[
     "queued",  # waits for its axes
@@ -64,11 +64,11 @@ EventKind = Literal[
 ]
 
 
-class WireDiagnostic(Diagnostic, frozen=True, omit_defaults=True):
+class WireDiagnostic(errors.Diagnostic, frozen=True, omit_defaults=True):
     """One fault of a program, placed in its text; ``line`` is the client's line number."""
 
 
-def wire_diagnostic(diagnostic: Diagnostic) -> WireDiagnostic:
+def wire_diagnostic(diagnostic: errors.Diagnostic) -> WireDiagnostic:
     """Return the wire's form of a diagnostic."""
     return WireDiagnostic(**msgspec.structs.asdict(diagnostic))
 

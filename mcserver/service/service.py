@@ -17,19 +17,16 @@ from mcserver.clearance.mounted import Mounted
 from mcserver.errors import Refused
 from mcserver.executor.entries import Control
 from mcserver.gcode.semantics.modal import ModalState
-from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.client import ProcessPlanning
-from mcserver.planning.line_marks import LineMarks
 from mcserver.planning.planner_messages import StepLine
-from mcserver.planning.start_state import StartState
 from mcserver.service.absences import Absences
 from mcserver.service.approach import NO_CONFIRMATION, Approach, Confirmation, refuse_needs
 from mcserver.service.axes_of_requests import axes_of
 from mcserver.service.channels import Channels
-from mcserver.service.event_log import EventLog
 from mcserver.service.executor_port import ExecutorPort
 from mcserver.service.forecasts import Forecasts
+from mcserver.service.former_start import report_damage, report_interrupted, report_lost_references
 from mcserver.service.journal_reader import read_programs, read_unended
 from mcserver.service.kept_texts import KeptTexts
 from mcserver.service.line_intake import LineIntake
@@ -42,17 +39,13 @@ from mcserver.service.progress_reports import TICK_S
 from mcserver.service.recovering import Recovering
 from mcserver.service.reports import (
     Ack,
-    BedMeshState,
-    DiskStatus,
     Event,
     Fault,
     OnDisconnect,
-    ProbeStatus,
     ProgramStatus,
 )
 from mcserver.service.service_options import ServiceOptions
 from mcserver.service.stop_latch import StopLatch
-from mcserver.service.work_offsets import WorkOffsets
 
 log = logging.getLogger(__name__)
 
@@ -68,18 +61,15 @@ JOURNAL_LIMIT_S = 2.0
 class MachineService:
     """One machine's programs, as clients and operators may use them. All of it runs in the asyncio loop.
 
-    Args:
-        machine: its axes.
-        port: the executor.
-        planning: plans the programs.
-        options: journal and instance.
-        on_ack, on_event: called in the loop.
-
     Attributes:
         override: feed override of programs to come, 1 as programmed.
-        lines: takes the lines of its programs. texts: those that clients handed over as a whole.
-        latch: its emergency stop and its faults. acks: says how programs stand.
-        when_gone: called with a client whose liveliness token went.
+        lines: accepts lines of programs. texts: uploaded by clients. forecasts: of remaining times.
+        latch: the emergency stop and the latched faults. acks: sends acknowledgements.
+        events: published so far. time: executor time and UTC. disk: of the journal.
+        work_tables: work coordinate systems and tools with which programs start, and their changes.
+        axis_reports: references, probing and the mesh of the bed. start_state: returns the state from which
+        a program would begin now.
+        absences: of clients.
     """
 
     def __init__(
@@ -106,6 +96,12 @@ class MachineService:
             on_event=on_event,
         )
         self.acks = self._table.acks
+        self.events = self._table.events
+        self.time = self._table.time
+        self.disk = self._table.disk
+        self.work_tables = self._table.offsets
+        self.axis_reports = self._table.axis_reports
+        self.start_state = self._table.start_state
         self.channels = Channels(machine, port, self._table.executor.program_in)
         self.lines = LineIntake(self._table, self._loop)
         self.latch = StopLatch(self._table, port, self._loop, self._journal_stop)
@@ -113,12 +109,11 @@ class MachineService:
         self._table.on_program_ended = self._program_ended
         # called with each program that has ended, before another one gets its axes
         self.on_program_ended: list[Callable[[Program], None]] = []
-        self.forecasts = Forecasts(port, machine.cycle_s)
+        self.forecasts = Forecasts(port, machine.cycle_s, self._table.programs, self._table.time.now)
         self.texts = KeptTexts(options.journal.with_suffix(".texts"))
-        self.when_gone: list[Callable[[str], None]] = []
         self.recovery = Recovering(machine, planning, self._table, self.journal_written)
-        self._absences = Absences(self._loop, self._forsake)
-        self.on_program_ended.append(lambda program: self._absences.forget(program.program))
+        self.absences = Absences(self._table, self._loop)
+        self.on_program_ended.append(self.absences.forget)
         self._counter = 0
         self._stopping = False
 
@@ -127,18 +122,14 @@ class MachineService:
     def start(self) -> None:
         """Begin: what an earlier start left open counts as interrupted, which is said once it is
         journaled."""
-        interrupted = partial(self._say_interrupted, read_unended(self.options.journal))
+        interrupted = partial(report_interrupted, self._table, read_unended(self.options.journal))
         self._table.journal.server_started(self.options.instance, self.options.clock(), interrupted)
         self._table.planner.start()
         self._table.heartbeat.start()
         self._table.disk.start()
         self.events.publish("server.started", message=f"machine {self.machine.name}")
-        self._say_lost_references()
-        damage = self._table.journal_damage
-        if damage is not None:
-            message = f"the journal was damaged: {damage.message}; as it was it is kept in {damage.kept}"
-            log.error("MC527: %s", message)
-            self.events.publish("warning", reason="MC527", message=message)
+        report_lost_references(self._table, self.homed)
+        report_damage(self._table)
 
     async def stop(self) -> None:
         """Stop all motion along its paths, end the programs, release the axes and close the journal."""
@@ -165,56 +156,18 @@ class MachineService:
         await asyncio.to_thread(self.texts.close)
 
     @property
-    def events(self) -> EventLog:
-        return self._table.events
-
-    @property
-    def disk(self) -> DiskStatus | None:
-        """How slow the disk under the journal is; None: it keeps up."""
-        return self._table.disk.status
-
-    @property
-    def work_tables(self) -> WorkOffsets:
-        """Work coordinate systems and tools that a program starts with, and who changed them."""
-        return self._table.offsets
-
-    @property
     def mounted(self) -> Mounted:
-        """Tools that have bodies, as programs have said since this start."""
+        """Mounted tools with bodies, according to the programs of this start."""
         return self._table.mounted
 
-    def start_state(self) -> StartState:
-        """Return what a program that begins now starts from."""
-        return self._table.start_state()
-
-    @property
-    def probe(self) -> ProbeStatus | None:
-        """How the last probing move ended."""
-        return self._table.axis_reports.probe
-
-    @property
-    def bed_mesh(self) -> BedMeshState | None:
-        """The mesh of the bed that counts; None: programs do not probe it."""
-        return None if self.machine.dialect.mesh_axis is None else self._table.axis_reports.bed_mesh
-
-    @property
-    def references(self) -> dict[int, float]:
-        """Return the references that axes have got at this start: position less encoder [m or rad]."""
-        return dict(self._table.axis_reports.offsets)
-
     def record_command(self, client: str, method: str, program: str | None = None, detail: str = "") -> None:
-        """Keep in the journal who did what, and publish it; a journal that fails keeps nobody from acting."""
+        """Record who did what: in the journal, in the log, and as an event.
+
+        A journal that cannot be written prevents no command.
+        """
+        log.info("%s: %s %s %s", client, method, program or "the machine", detail)
         self._journal_command(client, method, program, detail)
         self.events.publish("command", client=client, program=program, reason=method, message=detail)
-
-    def now(self) -> float:
-        """Executor time [s]."""
-        return self._table.time.now()
-
-    @property
-    def epoch(self) -> float:
-        """Unix time of executor time 0, by the clock as it goes now [s]."""
-        return self._table.time.epoch
 
     # ------------------------------------------------------------ a client and its programs
 
@@ -448,40 +401,6 @@ class MachineService:
         self.events.publish("override", program=program_id, percent=100.0 * ratio)
         return chosen
 
-    def client_gone(self, client: str) -> None:
-        """A client's liveliness token went: its programs finish or stop, as they chose, after their grace."""
-        left = self._programs_of(client)
-        if left:
-            self.events.publish("client.gone", client=client)
-        self._absences.began(left)
-        for tell in self.when_gone:
-            tell(client)
-
-    def client_back(self, client: str) -> None:
-        """A client's liveliness token is there, perhaps again."""
-        self._absences.ended(client)
-
-    def leave(self, client: str) -> list[Program]:
-        """A client says that it goes: its programs finish or stop now, as they chose."""
-        left = self._programs_of(client)
-        for program in left:
-            self._forsake(program)
-        for tell in self.when_gone:
-            tell(client)
-        return left
-
-    def _programs_of(self, client: str) -> list[Program]:
-        return [each for each in self._table.programs.values() if each.client == client and not each.over]
-
-    def _forsake(self, program: Program) -> None:
-        """End a program without its client, as it chose."""
-        if program.over:
-            return
-        if program.on_disconnect == "finish":
-            self._table.close(program, whole=False)
-        else:
-            self._table.stop(program, "aborted", f"client {program.client} is gone")
-
     def program(self, program_id: str) -> Program:
         """Return a program of this start.
 
@@ -546,7 +465,7 @@ class MachineService:
     def current(self) -> list[Program]:
         """Programs that have not ended, and those that ended a moment ago."""
         since = self.options.clock() - SHOWN_ENDED_S
-        self.estimate()
+        self.forecasts.estimate()
         return [
             program
             for program in self._table.programs.values()
@@ -555,7 +474,7 @@ class MachineService:
 
     async def known(self, *, program_id: str | None, ended: bool, limit: int) -> list[ProgramStatus]:
         """Programs of this start and, from the journal, of earlier ones; newest first."""
-        self.estimate()
+        self.forecasts.estimate()
         mine = {key: program for key, program in self._table.programs.items() if program_id in (None, key)}
         found = [program.status() for program in reversed(mine.values()) if ended or not program.ended]
         if ended and len(found) < limit:
@@ -567,20 +486,6 @@ class MachineService:
         if program_id is not None and not found and program_id not in mine:
             find_program(self._table.programs, program_id)
         return found[:limit]
-
-    def foresee(
-        self, sha256: str, marks: LineMarks, total: int | None = None, switches: Switches = AS_WRITTEN
-    ) -> None:
-        """Take the times of a text from a simulation: programs that run it tell their time left by them.
-
-        Args:
-            total: how many lines the text has. switches: that it was simulated with.
-        """
-        self.forecasts.take(sha256, marks, self._table.programs.values(), total, switches)
-
-    def estimate(self) -> None:
-        """Follow the programs that run, so that their time left is true; asked for now and then."""
-        self.forecasts.estimate(self._table.programs.values(), self.now())
 
     # ------------------------------------------------------------ inside
 
@@ -606,40 +511,13 @@ class MachineService:
         if not self._table.journal_failure:
             self._table.journal.command(self.options.clock(), client, method, program, detail)
 
-    def _say_interrupted(self, programs: Sequence[ProgramStatus]) -> None:
-        for program in programs:
-            self.events.publish(
-                "program.ended",
-                program=program.program,
-                client=program.client,
-                state="interrupted",
-                line=program.done,
-                reason="the server that ran it went away",
-            )
-
-    def _say_lost_references(self) -> None:
-        """Say which references of an earlier start do not hold now."""
-        references = self._table.references
-        if references.damage:
-            log.error("MC459: %s", references.damage)
-            self.events.publish("warning", reason="MC459", message=references.damage)
-        for axis in sorted(references.axes):
-            if not self.homed(axis):
-                why = "its encoder does not read what it did when the server stopped"
-                if axis not in references.holding:
-                    why = "the server ended without noting where it stands: killed, or while it moved"
-                message = f"axis {axis} is not homed: {why}"
-                log.warning("MC459: %s", message)
-                self.events.publish("warning", reason="MC459", axis=axis, message=message)
-                references.forget(axis)
-
     def _fail_without_executor(self) -> None:
         fault = Fault(
             code="MC518",
             message=f"the executor process has died ({self.port.ending()}); the drives stop by their own "
             "heartbeat time-out",
             hint="start the server again; axes have to be captured anew",
-            t=self.now(),
+            t=self.time.now(),
         )
         self._table.faults.latch(fault)
         self.events.publish("fault", fault=fault, message=fault.message)

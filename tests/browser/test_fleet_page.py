@@ -12,7 +12,7 @@ import msgspec
 import pytest
 import zenoh
 
-from mcserver.net.messages import AxesStatus, MachineStatus
+from mcserver.service.reports import AxesStatus, MachineStatus
 from mcserver.web.users import Role, add_user
 from tests.browser.conftest import PageProcess, expect_no_overflow, page_of, playwright
 

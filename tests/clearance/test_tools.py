@@ -11,10 +11,10 @@ from mcserver.machine.dialect_section import Cutter
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.machine.section_reader import MachineFileRejected
-from mcserver.net.messages import MountedTool
 from mcserver.net.status import EdgeUnits, machine_status
 from mcserver.service.program import Program
 from mcserver.service.program_options import ProgramOptions
+from mcserver.service.reports import MountedTool
 from mcserver.simulation.simulation import Simulation, simulate
 from mcserver.units import DEGREE, MM
 from tests.clearance.cells import Start, fault_of, place

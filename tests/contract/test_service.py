@@ -11,46 +11,26 @@ import pytest
 
 from mcserver.errors import Refused
 from mcserver.service.program_options import ProgramOptions
-from mcserver.service.reports import Ack
-from mcserver.service.service import MachineService
-from mcserver.service.service_options import ServiceOptions
 from tests.contract.vectors import read
-from tests.service.fakes import FakePipelines, FakePort, three_axes
+from tests.service.conftest import Bench
 
 CLIENT = "contract-1"
 # what needs neither a planner's verdict nor less credit than the service gives
 PLAIN = ["numbering", "chunks", "message-lost", "lost-in-part", "gap", "start-line", "old-acknowledgement"]
 
 
-class Exchange:
-    """A service with its acknowledgements."""
-
-    def __init__(self, service: MachineService, acks: list[Ack], pipelines: FakePipelines) -> None:
-        self.service = service
-        self.acks = acks
-        self.pipelines = pipelines
-
-
 @pytest.fixture
-async def exchange(tmp_path: Path) -> AsyncIterator[Exchange]:
-    acks: list[Ack] = []
-    port = FakePort(three_axes())
-    pipelines = FakePipelines(port)
-    options = ServiceOptions(tmp_path / "journal.db", "b4c1")
-    service = MachineService(
-        port.machine, port, pipelines, options, on_ack=acks.append, on_event=lambda _: None
-    )
-    service.start()
-    yield Exchange(service, acks, pipelines)
-    await service.stop()
+async def bench(tmp_path: Path) -> AsyncIterator[Bench]:
+    made = Bench(tmp_path / "journal.db")
+    made.service.start()
+    yield made
+    await made.service.stop()
 
 
-async def submit(exchange: Exchange, program: str, message: dict[str, Any]) -> dict[str, Any]:
+async def submit(bench: Bench, program: str, message: dict[str, Any]) -> dict[str, Any]:
     """The numbers of the reply, or the code and the numbers of the refusal."""
     try:
-        taken = exchange.service.lines.submit(
-            CLIENT, program, message["first"], message["lines"], judge=False
-        )
+        taken = bench.service.lines.submit(CLIENT, program, message["first"], message["lines"], judge=False)
     except Refused as refused:
         return {
             "code": refused.code,
@@ -62,10 +42,10 @@ async def submit(exchange: Exchange, program: str, message: dict[str, Any]) -> d
 
 
 @pytest.mark.parametrize("name", PLAIN)
-async def test_the_service_answers_as_the_sequence_says(exchange: Exchange, name: str) -> None:
+async def test_the_service_answers_as_the_sequence_says(bench: Bench, name: str) -> None:
     steps = read(f"sequences/{name}.json")["steps"]
     start = steps[0]["open"]["value"]["expected"]
-    program = await exchange.service.open(
+    program = await bench.service.open(
         CLIENT, ProgramOptions(start_line=start, before=["G90"] * (start - 1) if start > 1 else ())
     )
     assert program.queue.expected == start
@@ -77,7 +57,7 @@ async def test_the_service_answers_as_the_sequence_says(exchange: Exchange, name
         elif what == "lost":
             under_way.pop()
         elif what == "answer":
-            answer = await submit(exchange, program.program, under_way.pop(0))
+            answer = await submit(bench, program.program, under_way.pop(0))
             if "refused" in value:
                 wanted = value["refused"]["value"]
                 numbers = {key: wanted["details"][key] for key in ("accepted", "expected")}

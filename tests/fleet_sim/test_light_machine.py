@@ -8,9 +8,8 @@ import pytest
 
 from mcserver.errors import McError
 from mcserver.fleet_sim.light_machine import LightMachine
-from mcserver.net import messages as wire
 from mcserver.net.method_table import BY_NAME
-from mcserver.service.reports import Ack, Event
+from mcserver.service.reports import Ack, Event, MachineStatus
 
 
 class Bench:
@@ -40,7 +39,7 @@ class Bench:
             self.call("submit", program=program, first=1, lines=["G01 X1"] * lines)
         return program
 
-    def after(self, seconds: float) -> wire.MachineStatus:
+    def after(self, seconds: float) -> MachineStatus:
         self.time += seconds
         return self.machine.status()
 

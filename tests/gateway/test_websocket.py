@@ -153,19 +153,6 @@ async def test_a_session_is_not_taken_up_with_another_token(gateway: GatewayProc
             assert second["client"] != hello["client"]
 
 
-@pytest.mark.parametrize(
-    ("role", "method"), [("observer", "hold"), ("observer", "jog"), ("operator", "sdo_write")]
-)
-async def test_a_role_may_not_do_what_is_above_it(
-    gateway: GatewayProcess, tokens: Tokens, role: str, method: str
-) -> None:
-    async with opening(gateway, tokens[1][role]) as socket:
-        client = Client(socket)
-        await client.receive()
-        reply = await client.ask("call", machine="cell", method=method)
-        assert reply["error"]["code"] == "MC072"
-
-
 @pytest.mark.parametrize("token", ["", "wrong"])
 async def test_without_a_token_there_is_no_connection(gateway: GatewayProcess, token: str) -> None:
     with pytest.raises(websockets.InvalidStatus):

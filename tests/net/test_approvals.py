@@ -196,7 +196,7 @@ async def test_a_client_that_goes_while_its_run_is_simulated_leaves_no_request(
     simulate = site.preview
 
     async def gone(client: str, text: str, start: StartState, axes: tuple[int, ...]) -> Preview:
-        site.cell.service.client_gone(client)
+        site.cell.service.absences.gone(client)
         return await simulate(client, text, start, axes)
 
     monkeypatch.setattr(site, "preview", gone)

@@ -198,12 +198,6 @@ async def test_a_drive_s_abort_code_is_in_the_details(client: WireClient) -> Non
     assert refused.value.body["details"] == {"abort_code": 0x0602_0000}
 
 
-async def test_a_write_takes_no_wildcard(client: WireClient, answering: AnsweringDrives) -> None:
-    with pytest.raises(ErrorAnswer, match="MC502: "):
-        await client.ask("mc/@v1/*/@rpc/t/sdo_write", {"request": 1, "axis": 1, "index": 1, "value": 1})
-    assert answering.asked == []
-
-
 async def test_events_of_drives_are_published_those_before_the_start_too(
     client: WireClient, served: tuple[MachineService, CanDrives, str]
 ) -> None:

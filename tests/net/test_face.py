@@ -65,17 +65,6 @@ async def test_an_error_is_remembered_like_an_answer(client: WireClient) -> None
     assert gap.value.body["details"]["expected"] == 1
 
 
-async def test_a_request_number_cannot_serve_two_methods(client: WireClient) -> None:
-    await client.call("open", request=7)
-    with pytest.raises(ErrorAnswer, match="MC506: "):
-        await client.call("hold", request=7)
-
-
-async def test_a_call_that_changes_something_needs_a_number(client: WireClient) -> None:
-    with pytest.raises(ErrorAnswer, match="MC506: "):
-        await client.ask(client.method("open"), {})
-
-
 async def test_a_wildcard_never_changes_a_machine(rig: Rig, client: WireClient) -> None:
     await client.call("open")
     for key in (

@@ -37,8 +37,9 @@ class Rig:
             options=SimpleNamespace(machine_file=None if path is None else LoadedFile.of(path)),
             machine=SimpleNamespace(name="cartesian"),
             current=lambda: self.programs,
+            record_command=lambda client, method, *, detail: self.said.append((client, method, detail)),
         )
-        self.methods = MachineFileMethods(cast(Any, service), lambda *what: self.said.append(what))
+        self.methods = MachineFileMethods(cast(Any, service))
 
     async def read(self) -> MachineFileReply:
         return await self.methods.machine_file("page", MachineFileRequest())
@@ -66,7 +67,7 @@ async def test_a_text_that_checks_is_written_and_the_old_one_is_kept_beside_it(p
     assert (reply.written, reply.before) == (True, "cell.toml.before")
     assert (path.read_text(), path.with_name(reply.before).read_text()) == (SLOWER, TEXT)
     assert stat.S_IMODE(path.stat().st_mode) == 0o644
-    ((client, method, _, detail),) = rig.said
+    ((client, method, detail),) = rig.said
     assert (client, method) == ("page", "write_machine_file")
     assert detail.startswith("cell.toml by ada: lines ")
     assert not (await rig.read()).in_force

@@ -16,11 +16,8 @@ from mcserver.net.defects import DefectLog
 from mcserver.net.inbox import Inbox
 from mcserver.net.messages import (
     CheckRequest,
-    EstopRequest,
     JogRequest,
-    OpenRequest,
     OverrideRequest,
-    StreamLines,
 )
 from mcserver.net.recovery_messages import ContinueRequest
 from tests.net.client import ErrorAnswer, WireClient
@@ -30,13 +27,6 @@ INVALID_UTF8 = b"\x83\xa4name\xa2\xff\xfe\xa6reason\xa2\xff\xfe\xa7program\xa2\x
 NESTED = b"\x81\xa1a" * 3000 + b"\xc0"
 HUGE = b"\xdd\xff\xff\xff\xff"
 GARBAGE = [INVALID_UTF8, NESTED, HUGE, b"\xc1", b"\xdb\xff\xff\xff\xff", b"\xa3abc", b"\xff" * 4096]
-
-
-@pytest.mark.parametrize("payload", GARBAGE)
-@pytest.mark.parametrize("kind", [OpenRequest, StreamLines, EstopRequest])
-def test_whatever_the_bytes_are_the_decoder_raises_mc500(kind: type[msgspec.Struct], payload: bytes) -> None:
-    with pytest.raises(ServiceError, match="MC500: "):
-        MessageDecoder(kind)(payload)
 
 
 def test_a_refused_message_names_the_field_and_no_file() -> None:

@@ -8,13 +8,13 @@ from unittest.mock import MagicMock
 import msgspec
 import pytest
 
-from mcserver.net.messages import LineReport, WireDiagnostic
 from mcserver.net.method_binding import bound_handlers
 from mcserver.net.method_table import METHODS, Method, method_names
 from mcserver.net.methods import machine_methods
 from mcserver.net.roles import Role
 from mcserver.net.schemas import message_types
 from mcserver.net.text_messages import AxisTravel, SimulateReply
+from mcserver.service.reports import LineReport, WireDiagnostic
 from mcserver.simulation.simulation import simulate
 from tests.service.fakes import three_axes
 

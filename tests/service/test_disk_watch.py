@@ -8,7 +8,9 @@ from typing import Any
 import pytest
 
 from mcserver.service.disk_watch import KEEPS_UP_S, SLOW_S, DiskWatch
-from mcserver.service.reports import DiskStatus
+from mcserver.service.event_log import EventLog
+from mcserver.service.reports import DiskStatus, Event
+from mcserver.service.timebase import Timebase
 
 
 class SlowJournal:
@@ -25,20 +27,20 @@ class Watched:
     def __init__(self) -> None:
         self.now = 1000.0
         self.journal = SlowJournal()
-        self.events: list[dict[str, Any]] = []
-        log: Any = self
+        self.events: list[Event] = []
+        log = EventLog("one", Timebase(0.0, self._now, self._now), self.events.append)
         loop: Any = asyncio.new_event_loop()
         loop.close()
-        self.watch = DiskWatch(loop, self.journal, log, lambda: self.now)  # type: ignore[arg-type]
-
-    def publish(self, kind: str, **values: Any) -> None:
-        self.events.append({"kind": kind, **values})
+        self.watch = DiskWatch(loop, self.journal, log, self._now)  # type: ignore[arg-type]
 
     def look(self, after_s: float, *, commit_s: float = 0.0, sync_s: float = 0.0) -> DiskStatus | None:
         self.now += after_s
         self.journal.commit_s, self.journal.sync_s = commit_s, sync_s
         self.watch.look()
         return self.watch.status
+
+    def _now(self) -> float:
+        return self.now
 
 
 @pytest.mark.parametrize(("commit_s", "sync_s", "what"), [(2.0, 0.0, "said later"), (0.0, 3.0, "power cut")])
@@ -52,8 +54,8 @@ def test_a_disk_that_takes_long_is_named_once_with_its_beginning(
     assert status.since == pytest.approx(watched.now - max(commit_s, sync_s))
     watched.look(0.25, commit_s=commit_s + 0.25, sync_s=sync_s)
     (event,) = watched.events
-    assert (event["kind"], event["reason"]) == ("warning", "MC524")
-    assert what in event["message"]
+    assert (event.kind, event.reason) == ("warning", "MC524")
+    assert what in event.message
 
 
 def test_it_keeps_up_again_when_it_has_not_been_slow_for_a_while() -> None:
@@ -66,6 +68,6 @@ def test_it_keeps_up_again_when_it_has_not_been_slow_for_a_while() -> None:
     watched.look(1.0, sync_s=2.0)
     assert watched.look(KEEPS_UP_S - 1.0) is not None
     assert watched.look(1.5) is None
-    assert [event["reason"] for event in watched.events] == ["MC524", "MC524"]
-    assert "keeps up again" in watched.events[-1]["message"]
-    assert "4.0 s" in watched.events[-1]["message"]
+    assert [event.reason for event in watched.events] == ["MC524", "MC524"]
+    assert "keeps up again" in watched.events[-1].message
+    assert "4.0 s" in watched.events[-1].message

@@ -155,13 +155,13 @@ TIMES = {"ok": True, "duration_s": 12.0, "lines": [{"line": 1, "start_s": 0.0, "
 async def test_a_simulation_of_the_text_tells_the_time_of_its_program(bench: Bench, early: bool) -> None:
     service = bench.service
     if early:
-        service.foresee(hash_of("move"), marks_of(TIMES))
+        service.forecasts.take(hash_of("move"), marks_of(TIMES))
     program = await service.open("hmi", ProgramOptions(sha256=hash_of("move")))
     other = await service.open("hmi", ProgramOptions(sha256=hash_of("another text")))
     if not early:
         assert program.status().duration_s is None
-        service.foresee(hash_of("move"), marks_of(TIMES))
-    service.estimate()
+        service.forecasts.take(hash_of("move"), marks_of(TIMES))
+    service.forecasts.estimate()
     found = {each.program: each for each in await service.known(program_id=None, ended=False, limit=9)}
     status = found[program.program]
     assert (status.duration_s, status.eta_s, status.progress) == (12.0, 12.0, 0.0)
@@ -170,10 +170,10 @@ async def test_a_simulation_of_the_text_tells_the_time_of_its_program(bench: Ben
 
 async def test_the_times_of_a_text_are_those_with_the_switches_of_its_program(bench: Bench) -> None:
     service, sha256, skipping = bench.service, hash_of("move"), Switches(block_delete=True)
-    service.foresee(sha256, marks_of(TIMES))
+    service.forecasts.take(sha256, marks_of(TIMES))
     program = await service.open("hmi", ProgramOptions(sha256=sha256, switches=skipping))
     assert program.status().duration_s is None
-    service.foresee(sha256, marks_of({**TIMES, "duration_s": 13.0}), switches=skipping)
+    service.forecasts.take(sha256, marks_of({**TIMES, "duration_s": 13.0}), switches=skipping)
     assert program.status().duration_s == 13.0
 
 
@@ -181,11 +181,13 @@ async def test_a_simulation_under_way_gives_an_estimate_that_says_so(bench: Benc
     sha256 = hash_of("long")
     program = await bench.service.open("hmi", ProgramOptions(sha256=sha256))
     part = LineMarks([0, 25], [0.0, 5.0], 5.0, 25, complete=False, pauses=(7, 20))
-    bench.service.foresee(sha256, part, total=100)
+    bench.service.forecasts.take(sha256, part, total=100)
     status = program.status()
     assert (status.duration_s, status.simulated, status.pauses) == (20.0, 0.25, 2)
     assert not bench.service.forecasts.knows(sha256)
-    bench.service.foresee(sha256, LineMarks([0, 100], [0.0, 16.0], 16.0, 100, pauses=(7, 20)), total=100)
+    bench.service.forecasts.take(
+        sha256, LineMarks([0, 100], [0.0, 16.0], 16.0, 100, pauses=(7, 20)), total=100
+    )
     status = program.status()
     assert (status.duration_s, status.simulated) == (16.0, 1.0)
     assert bench.service.forecasts.knows(sha256)
@@ -193,7 +195,7 @@ async def test_a_simulation_under_way_gives_an_estimate_that_says_so(bench: Benc
 
 async def test_of_many_simulations_the_newest_are_kept(bench: Bench) -> None:
     for number in range(forecasts.TEXTS + 1):
-        bench.service.foresee(hash_of(f"text {number}"), marks_of(TIMES))
+        bench.service.forecasts.take(hash_of(f"text {number}"), marks_of(TIMES))
     first, second = [
         await bench.service.open("hmi", ProgramOptions(sha256=hash_of(f"text {n}"))) for n in (0, 1)
     ]
@@ -217,9 +219,9 @@ async def test_the_time_left_is_not_known_where_nothing_planned_is_left(bench: B
     assert program.slot is not None
     u = bench.port.slots()[program.slot].u
     program.planned_end_u = u + 500.0
-    bench.service.estimate()
+    bench.service.forecasts.estimate()
     assert program.eta_s is not None
     assert program.eta_s > 0.0
     program.planned_end_u = u
-    bench.service.estimate()
+    bench.service.forecasts.estimate()
     assert program.eta_s is None

@@ -121,7 +121,7 @@ async def test_an_axis_in_use_is_neither_homed_nor_referred(cell: VirtualCell) -
 async def test_a_client_that_is_gone_stops_its_homing(cell: VirtualCell) -> None:
     program = await cell.homing.home("test", [1])
     await cell.until(lambda: any(event.kind == "axis.homing" for event in cell.events))
-    cell.service.client_gone("test")
+    cell.service.absences.gone("test")
     await cell.ended(program)
     assert program.state == "aborted"
     assert cell.homed()[1] is False

@@ -275,15 +275,6 @@ def test_a_file_that_is_no_journal_is_refused(tmp_path: Path) -> None:
         open_journal(path)
 
 
-def test_a_journal_of_another_version_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "journal.db"
-    connection = sqlite3.connect(path)
-    connection.execute("PRAGMA user_version=99")
-    connection.close()
-    with pytest.raises(ServiceError, match="version 99"):
-        open_journal(path)
-
-
 def test_pruning_keeps_the_newest_programs_and_text(make: Callable[[], Kept]) -> None:
     kept = make()
     for number in range(6):

@@ -142,7 +142,7 @@ async def test_what_a_probe_met_at_the_pause_sets_zero_for_the_lines_behind_it(s
     probing = await shop.by_hand("G90 G38.2 Z-20 F300", "G10 L20 P1 Z0", "G0 Z8")
     assert (probing.state, probing.fault) == ("finished", None)
     await shop.resumed(program)
-    met = shop.service.probe
+    met = shop.service.axis_reports.probe
     assert met is not None
     # the axis had come to rest a little further when zero was set
     assert shop.at()[2] == pytest.approx(met.positions["2"] + 2.0, abs=0.2)

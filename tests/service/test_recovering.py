@@ -537,7 +537,7 @@ async def test_what_was_moved_by_hand_is_not_gone_on_with(
     else:
         name = (await open_servo(cell.service, "page", [0])).program
     service = cell.service
-    await cell.until(lambda: service.now() > 0.2)
+    await cell.until(lambda: service.time.now() > 0.2)
     if restarted:
         cell = await rig.started(machine())
     else:

@@ -66,14 +66,6 @@ async def test_a_line_of_before_a_rejection_is_not_taken_for_the_accepted_one_of
     assert (await bench.service.lines.submit("hmi", program.program, 1, ["move"], 1)).journaled == 1
 
 
-async def test_who_does_not_count_rejections_has_his_lines_taken_for_lines_of_now(bench: Bench) -> None:
-    program = await bench.service.open("hmi")
-    with pytest.raises(RejectedLines):
-        await bench.service.lines.submit("hmi", program.program, 1, ["bad"])
-    await bench.service.lines.submit("hmi", program.program, 1, ["move"])
-    await bench.until_acked(program.program, done=1)
-
-
 async def test_a_program_that_has_ended_says_so_to_lines_of_before_a_rejection(bench: Bench) -> None:
     program = await bench.service.open("hmi")
     with pytest.raises(RejectedLines):

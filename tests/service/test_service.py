@@ -159,7 +159,7 @@ async def test_a_client_that_goes_takes_its_own_stopping_programs_along(bench: B
     other = await bench.service.open("other", ProgramOptions(axes=[1]))
     program = await bench.service.open("hmi", ProgramOptions(axes=[0]))
     await bench.service.lines.submit("hmi", program.program, 1, ["wait", "move"])
-    bench.service.client_gone("hmi")
+    bench.service.absences.gone("hmi")
     await bench.until_acked(program.program, state="aborted")
     assert not other.over
     assert ("abort", 1) in bench.port.calls
@@ -168,28 +168,23 @@ async def test_a_client_that_goes_takes_its_own_stopping_programs_along(bench: B
 async def test_a_program_waits_for_its_client_for_its_grace(bench: Bench) -> None:
     program = await bench.service.open("hmi", ProgramOptions(grace_s=60.0))
     await bench.service.lines.submit("hmi", program.program, 1, ["wait", "move"])
-    bench.service.client_gone("hmi")
-    bench.service.client_back("hmi")
-    bench.service.client_gone("hmi")
+    bench.service.absences.gone("hmi")
+    bench.service.absences.back("hmi")
+    bench.service.absences.gone("hmi")
     assert not program.over
-    bench.service.leave("hmi")
+    bench.service.absences.leave("hmi")
     await bench.until_acked(program.program, state="aborted")
 
 
-async def test_a_program_whose_grace_is_over_ends_as_it_chose(bench: Bench) -> None:
-    program = await bench.service.open("hmi", ProgramOptions(grace_s=0.01))
-    await bench.service.lines.submit("hmi", program.program, 1, ["wait", "move"])
-    bench.service.client_gone("hmi")
-    await bench.until_acked(program.program, state="aborted")
-
-
-async def test_a_client_that_is_back_in_time_goes_on(bench: Bench) -> None:
+async def test_a_program_ends_as_it_chose_once_its_grace_is_over_and_a_client_that_is_back_in_time_goes_on(
+    bench: Bench,
+) -> None:
     gone = await bench.service.open("other", ProgramOptions(axes=[1], grace_s=0.02))
     program = await bench.service.open("hmi", ProgramOptions(axes=[0], grace_s=0.01))
     await bench.service.lines.submit("hmi", program.program, 1, ["wait", "move"])
     for client in ("hmi", "other"):
-        bench.service.client_gone(client)
-    bench.service.client_back("hmi")
+        bench.service.absences.gone(client)
+    bench.service.absences.back("hmi")
     # the longer grace of the two is over now
     await bench.until_acked(gone.program, state="aborted")
     assert not program.over
@@ -198,7 +193,7 @@ async def test_a_client_that_is_back_in_time_goes_on(bench: Bench) -> None:
 async def test_a_client_that_goes_lets_its_finishing_programs_end(bench: Bench) -> None:
     program = await bench.service.open("hmi", ProgramOptions(on_disconnect="finish"))
     await bench.service.lines.submit("hmi", program.program, 1, ["wait", "move"])
-    bench.service.client_gone("hmi")
+    bench.service.absences.gone("hmi")
     bench.pipelines.gate.set()
     assert (await bench.until_acked(program.program, state="finished")).done == 2
 

@@ -119,7 +119,7 @@ async def test_lines_are_refused_in_servo_mode(cell: VirtualCell) -> None:
 async def test_a_client_that_is_gone_stops_at_once(cell: VirtualCell) -> None:
     streamer = await opened(cell, [0])
     await streamer.stream([0.4], 0.3)
-    cell.service.client_gone("policy")
+    cell.service.absences.gone("policy")
     assert (await cell.ended(streamer.program)).state == "aborted"
 
 

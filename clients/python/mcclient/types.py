@@ -471,13 +471,14 @@ class AxisInfo:
 
 @dataclass(frozen=True, slots=True)
 class AxisStart:
-    """An axis of the program at the line.
+    """An axis of a program that is to start at a line.
 
     Attributes:
-        now: where it is [mm, deg].
-        there: where the program has it before the line; None: not known.
-        energized: the program had it energized there.
-        away: farther from there than the axis's in-position tolerance, or there is not known.
+        now: present position [mm, deg].
+        there: position in the program before the line [mm, deg]; None: unknown.
+        energized: the axis is energized in the program there.
+        away: the two positions differ by more than the axis's in-position tolerance, or ``there`` is
+            unknown.
     """
 
     axis: int
@@ -674,12 +675,12 @@ class CloseReply:
 
 @dataclass(frozen=True, slots=True)
 class WayStep:
-    """One move of the way, or what is switched on it.
+    """One step of an approach: a move of axes, or a wait for an input.
 
     Attributes:
-        text: for people.
-        targets: ends, by axis number as text [mm, deg]; empty: nothing moves.
-        rapid: each axis at its own limits; else slowly.
+        text: description for people.
+        targets: end of the move, by axis number as text [mm, deg]; empty: no axis moves.
+        rapid: each axis moves at its own limits; otherwise at the approach velocity.
     """
 
     text: str
@@ -689,13 +690,13 @@ class WayStep:
 
 @dataclass(frozen=True, slots=True)
 class Switched:
-    """An output, or an axis that turns by itself, which the program had switched otherwise than it is now.
+    """An output, or the speed or torque of an axis, that differs from its value in the program.
 
     Attributes:
         name: of the output, or such as ``axis 3``.
-        there: as the program had it.
-        now: as it is.
-        unit: of both.
+        there: value in the program before the line.
+        now: present value.
+        unit: of both values.
     """
 
     name: str
@@ -706,10 +707,11 @@ class Switched:
 
 @dataclass(frozen=True, slots=True)
 class Need:
-    """What stands in the way of going on.
+    """What has to be resolved before a program starts at a line: code, message and remedy.
 
     Attributes:
-        confirm: the field of the request that lets it pass, ``way`` or ``outputs``; empty: none does.
+        confirm: field of the request that confirms it, ``way`` or ``outputs``; empty: it cannot be
+            confirmed.
     """
 
     code: str
@@ -1161,7 +1163,7 @@ class Extent:
     """Least and greatest setpoint of an axis [mm or deg], and its greatest speed [mm/s or deg/s].
 
     Attributes:
-        turns: it turns on at a speed (G1030): its positions are not bounded.
+        turns: the axis turns continuously at a speed (G1030): its positions are not bounded.
     """
 
     axis: int
@@ -1723,7 +1725,7 @@ class RunArmedReply:
 
 @dataclass(frozen=True, slots=True)
 class ToolPath:
-    """Where a tool is at the moments of a `RunPath`: ``position`` has X, Y and Z, a value a moment [mm]."""
+    """Path of a tool; ``position``: lists of X, of Y and of Z at the moments of the `RunPath` [mm]."""
 
     tool: int
     position: tuple[tuple[float, ...], ...]
@@ -1731,12 +1733,12 @@ class ToolPath:
 
 @dataclass(frozen=True, slots=True)
 class RunPath:
-    """The simulated path of a request, at some moments evenly in time, for a picture.
+    """Simulated path of a request, sampled at equal intervals, for a picture.
 
     Attributes:
-        time_s: n moments from the run's begin.
+        time_s: n moments after the start of the run [s].
         positions: for each axis of the request n setpoints [mm or deg].
-        tools: those that these axes move.
+        tools: paths of the tools that these axes move.
     """
 
     time_s: tuple[float, ...]

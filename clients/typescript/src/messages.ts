@@ -220,17 +220,17 @@ export interface AxisInfo {
   spindle?: boolean;
 }
 
-/** An axis of the program at the line. */
+/** An axis of a program that is to start at a line. */
 export interface AxisStart {
   axis: number;
   unit: string;
-  /** where it is [mm, deg]. */
+  /** present position [mm, deg]. */
   now: number;
-  /** where the program has it before the line; null: not known. */
+  /** position in the program before the line [mm, deg]; null: unknown. */
   there: number | null;
-  /** the program had it energized there. */
+  /** the axis is energized in the program there. */
   energized: boolean;
-  /** farther from there than the axis's in-position tolerance, or there is not known. */
+  /** the two positions differ by more than the axis's in-position tolerance, or `there` is unknown. */
   away: boolean;
 }
 
@@ -695,7 +695,7 @@ export interface Extent {
   high: number;
   unit: string;
   speed?: number;
-  /** it turns on at a speed (G1030): its positions are not bounded. */
+  /** the axis turns continuously at a speed (G1030): its positions are not bounded. */
   turns?: boolean;
 }
 
@@ -988,12 +988,12 @@ export interface MountedTool {
   diameter: number;
 }
 
-/** What stands in the way of going on. */
+/** What has to be resolved before a program starts at a line: code, message and remedy. */
 export interface Need {
   code: string;
   message: string;
   hint: string;
-  /** the field of the request that lets it pass, `way` or `outputs`; empty: none does. */
+  /** field of the request that confirms it, `way` or `outputs`; empty: it cannot be confirmed. */
   confirm?: string;
 }
 
@@ -1354,13 +1354,13 @@ export interface RunArmedRequest {
   grace_s?: number | undefined;
 }
 
-/** The simulated path of a request, at some moments evenly in time, for a picture. */
+/** Simulated path of a request, sampled at equal intervals, for a picture. */
 export interface RunPath {
-  /** n moments from the run's begin. */
+  /** n moments after the start of the run [s]. */
   time_s: number[];
   /** for each axis of the request n setpoints [mm or deg]. */
   positions: number[][];
-  /** those that these axes move. */
+  /** paths of the tools that these axes move. */
   tools: ToolPath[];
 }
 
@@ -1703,15 +1703,15 @@ export interface SubmitRequest {
   rejections?: number | null | undefined;
 }
 
-/** An output, or an axis that turns by itself, which the program had switched otherwise than it is now. */
+/** An output, or the speed or torque of an axis, that differs from its value in the program. */
 export interface Switched {
   /** of the output, or such as `axis 3`. */
   name: string;
-  /** as the program had it. */
+  /** value in the program before the line. */
   there: number;
-  /** as it is. */
+  /** present value. */
   now: number;
-  /** of both. */
+  /** of both values. */
   unit?: string;
 }
 
@@ -1839,7 +1839,7 @@ export interface ToolJogRequest {
   by?: string | undefined;
 }
 
-/** Where a tool is at the moments of a `RunPath`: `position` has X, Y and Z, a value a moment [mm]. */
+/** Path of a tool; `position`: lists of X, of Y and of Z at the moments of the `RunPath` [mm]. */
 export interface ToolPath {
   tool: number;
   position: number[][];
@@ -1891,13 +1891,13 @@ export interface TunedLoop {
   measured_gain?: number | null;
 }
 
-/** One move of the way, or what is switched on it. */
+/** One step of an approach: a move of axes, or a wait for an input. */
 export interface WayStep {
-  /** for people. */
+  /** description for people. */
   text: string;
-  /** ends, by axis number as text [mm, deg]; empty: nothing moves. */
+  /** end of the move, by axis number as text [mm, deg]; empty: no axis moves. */
   targets?: Record<string, number>;
-  /** each axis at its own limits; else slowly. */
+  /** each axis moves at its own limits; otherwise at the approach velocity. */
   rapid?: boolean;
 }
 

@@ -12,11 +12,8 @@ from typing import Any, Literal, NamedTuple
 import msgspec
 from msgspec import inspect
 
-from mcserver.canopen import views
 from mcserver.errors import Severity
 from mcserver.net import method_table, schemas
-from mcserver.recorder import folder
-from mcserver.service import reports
 
 # what a machine of an SDK calls otherwise: its own feeds, programs and connection have the plain name
 METHOD_NAMES = {
@@ -251,7 +248,7 @@ def _named_words() -> dict[frozenset[str], Words]:
     """Return the literal types of the wire that have a name, by their words."""
     aliases = {
         name: value
-        for module in (*schemas.MODULES, reports, views, folder)
+        for module in schemas.MODULES
         for name, value in vars(module).items()
         if typing.get_origin(value) is Literal
     }

@@ -297,19 +297,19 @@ pub struct AxisInfo {
     pub spindle: bool,
 }
 
-/// An axis of the program at the line.
+/// An axis of a program that is to start at a line.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AxisStart {
     pub axis: u64,
     pub unit: String,
-    /// where it is \[mm, deg\].
+    /// present position \[mm, deg\].
     pub now: f64,
-    /// where the program has it before the line; none: not known.
+    /// position in the program before the line \[mm, deg\]; none: unknown.
     #[serde(deserialize_with = "Option::deserialize")]
     pub there: Option<f64>,
-    /// the program had it energized there.
+    /// the axis is energized in the program there.
     pub energized: bool,
-    /// farther from there than the axis's in-position tolerance, or there is not known.
+    /// the two positions differ by more than the axis's in-position tolerance, or `there` is unknown.
     pub away: bool,
 }
 
@@ -942,7 +942,7 @@ pub struct Extent {
     pub unit: String,
     #[serde(default)]
     pub speed: f64,
-    /// it turns on at a speed (G1030): its positions are not bounded.
+    /// the axis turns continuously at a speed (G1030): its positions are not bounded.
     #[serde(default)]
     pub turns: bool,
 }
@@ -1329,13 +1329,13 @@ pub struct MountedTool {
     pub diameter: f64,
 }
 
-/// What stands in the way of going on.
+/// What has to be resolved before a program starts at a line: code, message and remedy.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Need {
     pub code: String,
     pub message: String,
     pub hint: String,
-    /// the field of the request that lets it pass, `way` or `outputs`; empty: none does.
+    /// field of the request that confirms it, `way` or `outputs`; empty: it cannot be confirmed.
     #[serde(default)]
     pub confirm: String,
 }
@@ -1872,14 +1872,14 @@ impl RunArmedRequest {
     }
 }
 
-/// The simulated path of a request, at some moments evenly in time, for a picture.
+/// Simulated path of a request, sampled at equal intervals, for a picture.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunPath {
-    /// n moments from the run's begin.
+    /// n moments after the start of the run \[s\].
     pub time_s: Vec<f64>,
     /// for each axis of the request n setpoints \[mm or deg\].
     pub positions: Vec<Vec<f64>>,
-    /// those that these axes move.
+    /// paths of the tools that these axes move.
     pub tools: Vec<ToolPath>,
 }
 
@@ -2406,16 +2406,16 @@ impl SubmitRequest {
     }
 }
 
-/// An output, or an axis that turns by itself, which the program had switched otherwise than it is now.
+/// An output, or the speed or torque of an axis, that differs from its value in the program.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Switched {
     /// of the output, or such as `axis 3`.
     pub name: String,
-    /// as the program had it.
+    /// value in the program before the line.
     pub there: f64,
-    /// as it is.
+    /// present value.
     pub now: f64,
-    /// of both.
+    /// of both values.
     #[serde(default)]
     pub unit: String,
 }
@@ -2568,7 +2568,7 @@ impl ToolJogRequest {
     }
 }
 
-/// Where a tool is at the moments of a `RunPath`: `position` has X, Y and Z, a value a moment \[mm\].
+/// Path of a tool; `position`: lists of X, of Y and of Z at the moments of the `RunPath` \[mm\].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ToolPath {
     pub tool: u64,
@@ -2627,15 +2627,15 @@ pub struct TunedLoop {
     pub measured_gain: Option<f64>,
 }
 
-/// One move of the way, or what is switched on it.
+/// One step of an approach: a move of axes, or a wait for an input.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WayStep {
-    /// for people.
+    /// description for people.
     pub text: String,
-    /// ends, by axis number as text \[mm, deg\]; empty: nothing moves.
+    /// end of the move, by axis number as text \[mm, deg\]; empty: no axis moves.
     #[serde(default)]
     pub targets: BTreeMap<String, f64>,
-    /// each axis at its own limits; else slowly.
+    /// each axis moves at its own limits; otherwise at the approach velocity.
     #[serde(default)]
     pub rapid: bool,
 }

@@ -327,11 +327,11 @@ public final class Messages {
             @Sparse("null") String homing, @Sparse String letter, @Sparse boolean spindle) {}
 
     /**
-     * An axis of the program at the line.
-     * @param now where it is [mm, deg].
-     * @param there where the program has it before the line; null: not known.
-     * @param energized the program had it energized there.
-     * @param away farther from there than the axis's in-position tolerance, or there is not known.
+     * An axis of a program that is to start at a line.
+     * @param now present position [mm, deg].
+     * @param there position in the program before the line [mm, deg]; null: unknown.
+     * @param energized the axis is energized in the program there.
+     * @param away the two positions differ by more than the axis's in-position tolerance, or `there` is unknown.
      */
     public record AxisStart(long axis, String unit, double now, @Nil Double there, boolean energized, boolean away) {}
 
@@ -804,7 +804,7 @@ public final class Messages {
 
     /**
      * Least and greatest setpoint of an axis [mm or deg], and its greatest speed [mm/s or deg/s].
-     * @param turns it turns on at a speed (G1030): its positions are not bounded.
+     * @param turns the axis turns continuously at a speed (G1030): its positions are not bounded.
      */
     public record Extent(
             long axis, double low, double high, String unit, @Sparse double speed, @Sparse boolean turns) {}
@@ -1035,8 +1035,8 @@ public final class Messages {
     public record MountedTool(long number, boolean spindle, double length, double diameter) {}
 
     /**
-     * What stands in the way of going on.
-     * @param confirm the field of the request that lets it pass, `way` or `outputs`; empty: none does.
+     * What has to be resolved before a program starts at a line: code, message and remedy.
+     * @param confirm field of the request that confirms it, `way` or `outputs`; empty: it cannot be confirmed.
      */
     public record Need(String code, String message, String hint, @Sparse String confirm) {}
 
@@ -1423,10 +1423,10 @@ public final class Messages {
     }
 
     /**
-     * The simulated path of a request, at some moments evenly in time, for a picture.
-     * @param timeS n moments from the run's begin.
+     * Simulated path of a request, sampled at equal intervals, for a picture.
+     * @param timeS n moments after the start of the run [s].
      * @param positions for each axis of the request n setpoints [mm or deg].
-     * @param tools those that these axes move.
+     * @param tools paths of the tools that these axes move.
      */
     public record RunPath(List<Double> timeS, List<List<Double>> positions, List<ToolPath> tools) {}
 
@@ -1816,11 +1816,11 @@ public final class Messages {
     }
 
     /**
-     * An output, or an axis that turns by itself, which the program had switched otherwise than it is now.
+     * An output, or the speed or torque of an axis, that differs from its value in the program.
      * @param name of the output, or such as `axis 3`.
-     * @param there as the program had it.
-     * @param now as it is.
-     * @param unit of both.
+     * @param there value in the program before the line.
+     * @param now present value.
+     * @param unit of both values.
      */
     public record Switched(String name, double there, double now, @Sparse String unit) {}
 
@@ -1925,7 +1925,7 @@ public final class Messages {
         }
     }
 
-    /** Where a tool is at the moments of a `RunPath`: `position` has X, Y and Z, a value a moment [mm]. */
+    /** Path of a tool; `position`: lists of X, of Y and of Z at the moments of the `RunPath` [mm]. */
     public record ToolPath(long tool, List<List<Double>> position) {}
 
     /** Where a tool's frame is: `[x, y, z]` in mm, `[a, b, c]` in deg. */
@@ -1958,10 +1958,10 @@ public final class Messages {
             crossoverHz, @Sparse Double measuredPhaseDeg, @Sparse Double measuredGain) {}
 
     /**
-     * One move of the way, or what is switched on it.
-     * @param text for people.
-     * @param targets ends, by axis number as text [mm, deg]; empty: nothing moves.
-     * @param rapid each axis at its own limits; else slowly.
+     * One step of an approach: a move of axes, or a wait for an input.
+     * @param text description for people.
+     * @param targets end of the move, by axis number as text [mm, deg]; empty: no axis moves.
+     * @param rapid each axis moves at its own limits; otherwise at the approach velocity.
      */
     public record WayStep(String text, @Sparse Map<String, Double> targets, @Sparse boolean rapid) {}
 
