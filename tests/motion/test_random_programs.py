@@ -48,7 +48,7 @@ def test_a_line_keeps_the_t_that_it_was_entered_for_whatever_comes_behind_it(see
     assert broken_laws(plan(machine, moves, commits=commits)) == []
 
 
-# 6000034: a line that cannot keep its T, behind one whose end is slowed down to keep its own, ended before it.
+# 6000034: a line that cannot keep its T ended before it, behind one whose end is slowed down to keep its own.
 @pytest.mark.parametrize("seed", [6000034])
 def test_a_late_line_beside_a_slowed_one_does_not_end_before_its_t(seed: int) -> None:
     machine, moves, commits = program_of(seed)
