@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import msgspec
 
+from mcserver.can import pdo_layout as usual
 from mcserver.can.cob import Function
 from mcserver.can.pdo import MappedObject, MappedPdo, ProcessData
 from mcserver.can.pdo_layout import Mode
@@ -88,19 +89,24 @@ _Wanted = list[tuple[MappedObject, bool]]
 
 def _wanted_outputs(drive: DriveSettings) -> _Wanted:
     target = pdo.TARGETS[Mode(drive.mode)]
-    wanted = [(pdo.CONTROLWORD, True), (pdo.MODE, False), (target, True)]
+    wanted = [(usual.CONTROLWORD, True), (usual.MODE, False), (target, True)]
     if drive.mode == Mode.PROFILE_POSITION:
         wanted.append((pdo.PROFILE_VELOCITY, False))
     else:
-        wanted += [(pdo.TARGET_POSITION, False), (pdo.TARGET_VELOCITY, False)]
-        wanted += [(pdo.TARGET_TORQUE, False)] if drive.torque else []
+        wanted += [(usual.TARGET_POSITION, False), (usual.TARGET_VELOCITY, False)]
+        wanted += [(usual.TARGET_TORQUE, False)] if drive.torque else []
     wanted += [(pdo.TORQUE_OFFSET, True)] if drive.torque_offset else []
     return wanted + ([(pdo.DIGITAL_OUTPUTS, True)] if drive.outputs else [])
 
 
 def _wanted_inputs(drive: DriveSettings) -> _Wanted:
-    wanted = [(pdo.STATUSWORD, True), (pdo.MODE_DISPLAY, False), (pdo.POSITION, True), (ERROR_CODE, False)]
-    wanted += [(pdo.TORQUE, False)] if drive.torque else []
+    wanted = [
+        (usual.STATUSWORD, True),
+        (usual.MODE_DISPLAY, False),
+        (usual.POSITION_ACTUAL, True),
+        (ERROR_CODE, False),
+    ]
+    wanted += [(usual.TORQUE_ACTUAL, False)] if drive.torque else []
     return wanted + ([(pdo.DIGITAL_INPUTS, True)] if drive.inputs else [])
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from canopen.objectdictionary import ObjectDictionary, ODRecord, ODVariable, datatypes
 
-from mcserver.can.cob import Function
+from mcserver.can.cob import RPDOS, TPDOS
 from mcserver.can.pdo import MappedObject
 from mcserver.errors import ConfigurationError
 
@@ -165,11 +165,9 @@ def generic_dictionary(node: int) -> DeviceDictionary:
     for index, name, kinds, access in _RECORDS:
         dictionary.add_object(_record(name, index, kinds, access))
     for number in range(_PDOS):
-        rpdo = (Function.RPDO1, Function.RPDO2, Function.RPDO3, Function.RPDO4)[number] + node
-        tpdo = (Function.TPDO1, Function.TPDO2, Function.TPDO3, Function.TPDO4)[number] + node
         for communication, mapping, name, cob in (
-            (0x1400, 0x1600, "RPDO", rpdo),
-            (0x1800, 0x1A00, "TPDO", tpdo),
+            (0x1400, 0x1600, "RPDO", RPDOS[number] + node),
+            (0x1800, 0x1A00, "TPDO", TPDOS[number] + node),
         ):
             parameter = _record(
                 f"{name}{number + 1} communication parameter",

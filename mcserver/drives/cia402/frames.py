@@ -119,8 +119,7 @@ def usual_process_data(node: int, *, torque_offset: bool = False) -> ProcessData
 
 
 def _mapped(pdo: Pdo, cob_id: int) -> MappedPdo:
-    objects = tuple(MappedObject(entry.index, entry.subindex, entry.bits) for entry in pdo.entries)
-    return MappedPdo(pdo.number, cob_id, objects, pdo.transmission)
+    return MappedPdo(pdo.number, cob_id, pdo.objects, pdo.transmission)
 
 
 def _plain(mapped: MappedObject, offset: int) -> int:
