@@ -24,6 +24,7 @@ from mcserver.drives.cia402.axes import Cia402Axes
 from mcserver.drives.cia402.drive import Cia402Drive
 from mcserver.drives.cia402.loop_gains import DELAY_CYCLES
 from mcserver.drives.drive_io import DriveIo
+from mcserver.drives.io_bus import IoBus
 from mcserver.drives.io_nodes import Array, IoNodes
 from mcserver.drives.node_watch import NodeWatch, bus_back
 from mcserver.drives.streamed import StreamedAxis, StreamedDrive
@@ -88,9 +89,8 @@ class CanBus:
         self._sends_sync = self._servo is not None and bus.sync == "own"
         self._watch: NodeWatch | None = None
         if self._servo is not None:
-            nodes = [axes[index] for index in servo]
             own = [columns[index] for index in servo]
-            self._watch = NodeWatch(nodes, own, self._servo, self._cycle)
+            self._watch = NodeWatch(own_axes, own, self._servo, self._cycle)
         self._streamed = [
             (index, axis.drive.axis(axis, self._cycle, bus.silence_cycles))
             for index, axis in enumerate(axes)
@@ -100,10 +100,11 @@ class CanBus:
         self._io = io if io.numbers else None
         self._drive_io: DriveIo | None = None
         if self._servo is not None:
-            drive_io = DriveIo(machine, [axes[index] for index in servo], self._servo, bus.silence_cycles)
-            self._drive_io = drive_io if drive_io.inputs or drive_io.outputs else None
+            self._drive_io = DriveIo(machine, own_axes, self._servo, bus.silence_cycles, self._feedback)
         if self._io is not None and bus.sync == "own":
             self._sends_sync = True
+        # inputs and outputs of nodes first, those of drives behind them
+        self._io_parts: list[IoBus] = [each for each in (self._io, self._drive_io) if each is not None]
         self._tpdo1: dict[int, tuple[slice, int]] = {}
         self._others: dict[int, Callable[[bytes], None]] = {}
         self._sync = bytearray()
@@ -116,38 +117,28 @@ class CanBus:
     @property
     def inputs(self) -> tuple[int, ...]:
         """Columns of the machine's inputs on this bus."""
-        own = () if self._io is None else self._io.inputs
-        return own if self._drive_io is None else own + self._drive_io.inputs
+        return tuple(column for part in self._io_parts for column in part.inputs)
 
     @property
     def outputs(self) -> tuple[int, ...]:
         """Columns of the machine's outputs on this bus."""
-        own = () if self._io is None else self._io.outputs
-        return own if self._drive_io is None else own + self._drive_io.outputs
+        return tuple(column for part in self._io_parts for column in part.outputs)
 
     def write_outputs(self, raw: Array) -> None:
-        nodes = 0
-        if self._io is not None:
-            nodes = len(self._io.outputs)
-            self._io.write_outputs(raw[:nodes])
-        if self._drive_io is not None:
-            self._drive_io.write_outputs(raw[nodes:])
+        for part in self._io_parts:
+            part.write_outputs(raw[: len(part.outputs)])
+            raw = raw[len(part.outputs) :]
 
     def read_inputs(self, raw: Array, fresh: NDArray[np.bool_]) -> None:
-        nodes = 0
-        if self._io is not None:
-            nodes = len(self._io.inputs)
-            self._io.read_inputs(raw[:nodes], fresh[:nodes])
-        if self._drive_io is not None:
-            self._drive_io.read_inputs(raw[nodes:], fresh[nodes:], self._feedback)
+        for part in self._io_parts:
+            count = len(part.inputs)
+            part.read_inputs(raw[:count], fresh[:count])
+            raw, fresh = raw[count:], fresh[count:]
 
     def read_outputs(self, fresh: NDArray[np.bool_]) -> None:
-        nodes = 0
-        if self._io is not None:
-            nodes = len(self._io.outputs)
-            self._io.read_outputs(fresh[:nodes])
-        if self._drive_io is not None:
-            self._drive_io.read_outputs(fresh[nodes:])
+        for part in self._io_parts:
+            part.read_outputs(fresh[: len(part.outputs)])
+            fresh = fresh[len(part.outputs) :]
 
     @property
     def clock_error_ns(self) -> int | None:
