@@ -8,8 +8,6 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import suppress
 
-import msgspec
-
 from mcserver.can.open import open_port
 from mcserver.can.pdo import ProcessData
 from mcserver.can.port import CanPort
@@ -20,10 +18,9 @@ from mcserver.canopen.dictionary import DeviceDictionary
 from mcserver.canopen.io_nodes import configure_io
 from mcserver.canopen.listening import MASTER, Listening, refuse_other_masters
 from mcserver.canopen.node import Node, NodeAxis
-from mcserver.canopen.service_bus import CanopenBus, OnEvent, ServiceTimes
-from mcserver.canopen.settings import DriveSettings, settings_of
+from mcserver.canopen.service_bus import CanopenBus, OnEvent
+from mcserver.canopen.settings import DriveSettings, settings_of, with_process_data
 from mcserver.canopen.values import type_name
-from mcserver.drives.cia402.drive import Cia402Drive
 from mcserver.errors import ConfigurationError, McError
 from mcserver.machine.machine_file import Machine
 
@@ -55,7 +52,6 @@ class CanopenService:
         machine: Machine,
         on_event: OnEvent,
         on_progress: OnProgress = lambda _: None,
-        times: ServiceTimes | None = None,
         stopping: Callable[[], bool] = lambda: False,
         *,
         take_over: bool = False,
@@ -72,7 +68,6 @@ class CanopenService:
                 first by axis; the others are named).
             Stopped: ``stopping`` said so.
         """
-        times = times or ServiceTimes()
         drives = [drive for drive in settings_of(machine) if drive.fieldbus == "can"]
         dictionaries = {drive.axis: dictionary_of(drive) for drive in drives if drive.kind == "cia402"}
         plans: dict[str, list[NodeAxis]] = {}
@@ -88,9 +83,9 @@ class CanopenService:
             for own in plans.values():
                 ports.append(open_port(own[0].settings.address))
             if not take_over:
-                _listen(list(plans.values()), ports, times, stopping)
+                _listen(list(plans.values()), ports, stopping)
             for name, own in plans.items():
-                service.buses.append(CanopenBus(name, ports.pop(0), own, on_event, times))
+                service.buses.append(CanopenBus(name, ports.pop(0), own, on_event))
             service._boot(on_progress, stopping)
         except BaseException:
             for port in ports:
@@ -127,16 +122,7 @@ class CanopenService:
 
     def agreed(self, machine: Machine) -> Machine:
         """Return the machine with the process data that its drives have agreed to, for the cycle."""
-        data = self.process_data()
-        axes = [
-            msgspec.structs.replace(
-                axis, drive=msgspec.structs.replace(axis.drive, process_data=data[axis.index])
-            )
-            if isinstance(axis.drive, Cia402Drive) and axis.index in data
-            else axis
-            for axis in machine.axes
-        ]
-        return msgspec.structs.replace(machine, axes=tuple(axes))
+        return with_process_data(machine, self.process_data())
 
     def dictionary(self, axis: int) -> DeviceDictionary | None:
         """Of an axis's drive; None where it has none."""
@@ -195,13 +181,10 @@ def _plan(drive: DriveSettings, cycle_s: float, dictionary: DeviceDictionary | N
 def _listen(
     plans: Sequence[Sequence[NodeAxis]],
     ports: Sequence[CanPort],
-    times: ServiceTimes,
     stopping: Callable[[], bool],
 ) -> None:
     """Refuse buses on which another master is at work (MC560)."""
-    duration = times.listen_s
-    if duration is None:
-        duration = max((axis.settings.listen_s for own in plans for axis in own), default=0.0)
+    duration = max((axis.settings.listen_s for own in plans for axis in own), default=0.0)
     if duration <= 0.0:
         return
     buses = [

@@ -12,11 +12,10 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field
 
 from mcserver.can.cob import NMT, Function, NmtCommand, NmtState
 from mcserver.can.port import CanPort
-from mcserver.canopen.boot import BootTimes, NodeBoot
+from mcserver.canopen.boot import NodeBoot
 from mcserver.canopen.canopen_errors import DriveError, Stopped
 from mcserver.canopen.drive_events import CanopenEvent, CanopenEventKind
 from mcserver.canopen.listening import MASTER
@@ -24,7 +23,7 @@ from mcserver.canopen.network import PortNetwork
 from mcserver.canopen.node import Node, NodeAxis, Phase
 from mcserver.canopen.node_configuration import configure_node
 from mcserver.canopen.sdo import NodeSdo
-from mcserver.canopen.settings import NO_AXIS, SdoTimes
+from mcserver.canopen.settings import NO_AXIS
 from mcserver.errors import McError
 
 log = logging.getLogger(__name__)
@@ -52,15 +51,6 @@ GOODBYE_WATCH = (0x1016, 1)
 OnEvent = Callable[[CanopenEvent], None]
 
 
-@dataclass(frozen=True)
-class ServiceTimes:
-    """Every time limit of the service path; None: that of the machine file."""
-
-    sdo: SdoTimes | None = None
-    boot: BootTimes = field(default_factory=BootTimes)
-    listen_s: float | None = None
-
-
 class CanopenBus:
     """The nodes of one bus.
 
@@ -76,21 +66,18 @@ class CanopenBus:
         port: CanPort,
         plans: Sequence[NodeAxis],
         on_event: OnEvent,
-        times: ServiceTimes,
     ) -> None:
         self.name = name
         self.restarts = 0
         self._network = PortNetwork(port)
         self._on_event = on_event
         self._stopping = threading.Event()
-        self._boot = NodeBoot(self._network, times.boot, self._stopping)
+        self._boot = NodeBoot(self._network, self._stopping)
         self.nodes: list[Node] = []
         for number in dict.fromkeys(axis.settings.node for axis in plans):
             own = [axis for axis in plans if axis.settings.node == number]
             own.sort(key=lambda axis: axis.settings.node_axis)
-            first = own[0].settings
-            sdo = NodeSdo(self._network, number, first.name, first.axis, times.sdo or first.sdo)
-            self.nodes.append(Node(own, self._network, sdo))
+            self.nodes.append(Node(own, self._network, NodeSdo(self._network, own[0].settings)))
         self._workers = ThreadPoolExecutor(
             min(WORKERS, max(1, len(self.nodes))), thread_name_prefix=f"canopen {name} node"
         )
@@ -286,7 +273,7 @@ class CanopenBus:
         if find:
             self._boot.find(node)
         if node.settings.has_profile:
-            self._boot.wake(node, node.sdo)
+            self._boot.wake(node)
             self._configure(node)
         node.phase = Phase.OPERATIONAL
         node.failure = ""

@@ -12,13 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from mcserver.can.hub import Hub
-from mcserver.canopen.boot import BootTimes
 from mcserver.canopen.drive_events import CanopenEvent
 from mcserver.canopen.service import CanopenService
-from mcserver.canopen.service_bus import ServiceTimes
-from mcserver.canopen.settings import SdoTimes
 from mcserver.cli.app import run_command_line
 from mcserver.machine.machine_file import Machine, parse_machine
 from tests.canopen.fake_drives import FakeDrives
@@ -26,9 +24,7 @@ from tests.machine_text import axes_text
 
 LIMIT_S = 20.0
 # Answers on the loopback take a millisecond; a test that waits for none should not wait long.
-TIMES = ServiceTimes(
-    sdo=SdoTimes(response_s=0.5, attempts=2), boot=BootTimes(appear_s=3.0, start_s=2.0), listen_s=0.0
-)
+IMPATIENT = {"listen_ms": 0, "appear_timeout_s": 3.0}
 
 
 class RunningHub:
@@ -67,13 +63,19 @@ class Watched:
     def start(
         self,
         machine: Machine,
-        times: ServiceTimes = TIMES,
         stopping: Callable[[], bool] = lambda: False,
         *,
         take_over: bool = False,
+        **keys: Any,
     ) -> CanopenService:
+        """Boot a machine's drives; ``keys``: of its buses, in the place of those that do not wait long."""
+        buses = tuple(replace(bus, **(IMPATIENT | keys)) for bus in machine.buses)
         service = CanopenService.start(
-            machine, self.events.put, self.sentences.append, times, stopping=stopping, take_over=take_over
+            replace(machine, buses=buses),
+            self.events.put,
+            self.sentences.append,
+            stopping=stopping,
+            take_over=take_over,
         )
         self.services.append(service)
         return service
