@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
 from mcserver.can.port import CanPort, Frame, PortCounters, recipient
+from mcserver.drive_sim.control import ControlServer
 from mcserver.drive_sim.fault_injection import BadRequest
 
 # A bus that is away is asked so often whether it has come back [s].
@@ -144,14 +145,6 @@ class SimulatedBusSegment:
                 self._listeners.setdefault(identifier, []).append(node)
 
 
-class RequestSource(Protocol):
-    """What else the loop waits for; see `mcserver.drive_sim.control.ControlServer`."""
-
-    def descriptors(self) -> list[int]: ...
-
-    def serve(self, ready: set[int]) -> None: ...
-
-
 class DriveSimulation:
     """All buses of a process; `run` until `stop`."""
 
@@ -177,7 +170,7 @@ class DriveSimulation:
 
     def run(
         self,
-        requests: RequestSource | None = None,
+        requests: ControlServer | None = None,
         on_booted: Callable[[], None] | None = None,
         bell: int | None = None,
     ) -> None:
