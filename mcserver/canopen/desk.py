@@ -69,7 +69,7 @@ class Desk:
         raw = self._sdo.upload(*parameter.place)
         self._check()
         try:
-            return Reading(parameter, parameter.kind, decode_value(parameter.kind, raw), raw)
+            return Reading(parameter, parameter.type, decode_value(parameter.type, raw), raw)
         except ValueError:
             # the EDS is wrong about its length, or it is no text: the bytes are right
             return Reading(parameter, "bytes", decode_value("bytes", raw), raw)
@@ -110,10 +110,10 @@ class Desk:
         self.refuse_energized()
         self._sdo.download(*parameter.place, raw)
         if not parameter.readable:
-            return Reading(parameter, parameter.kind, decode_value(parameter.kind, raw), raw)
+            return Reading(parameter, parameter.type, decode_value(parameter.type, raw), raw)
         reading = self.read(parameter)
         if _unfilled(parameter, reading.raw) != _unfilled(parameter, raw):
-            written = decode_value(parameter.kind, raw)
+            written = decode_value(parameter.type, raw)
             raise self._refusal(
                 f"{parameter.title} holds {reading.value} after {written} was written",
                 "the drive rounds or bounds it, or another parameter decides: see its manual",
@@ -152,7 +152,7 @@ class Desk:
 
 def _unfilled(parameter: Parameter, raw: bytes) -> bytes:
     """Return bytes without the zeros by which a drive fills up a text."""
-    return raw.rstrip(b"\0") if parameter.kind in ("str", "utf16") else raw
+    return raw.rstrip(b"\0") if parameter.type in ("str", "utf16") else raw
 
 
 class _Watch:
