@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from mcserver.can.cob import SYNC
 from mcserver.can.open import open_port
-from mcserver.can.pdo_layout import TPDO1
 from mcserver.can.port import CanPort, ClockedPort
 from mcserver.drives.bus import BusEvent, DriveFault, DriveMode, Feedback, Setpoints
 from mcserver.drives.cia402.axes import Cia402Axes
@@ -105,8 +104,7 @@ class CanBus:
             self._sends_sync = True
         # inputs and outputs of nodes first, those of drives behind them
         self._io_parts: list[IoBus] = [each for each in (self._io, self._drive_io) if each is not None]
-        self._tpdo1: dict[int, tuple[slice, int]] = {}
-        self._others: dict[int, Callable[[bytes], None]] = {}
+        self._handlers: dict[int, Callable[[bytes], None]] = {}
         self._sync = bytearray()
         self._down = False
         self._unsent = 0
@@ -235,46 +233,27 @@ class CanBus:
     def _prepare(self, port: CanPort) -> None:
         self._sync = port.prepare(SYNC, 0)
         for _, axis in self._streamed:
-            self._others.update(axis.open(port))
+            self._handlers.update(axis.open(port))
         if self._io is not None:
-            self._others.update(self._io.open(port))
+            self._handlers.update(self._io.open(port))
         servo, watch = self._servo, self._watch
         if servo is None or watch is None:
             return
         servo.open(port)
-        self._tpdo1 = servo.readings.places()
-        self._others.update(watch.handlers())
-        self._others.update(servo.readings.handlers(self._feedback))
+        self._handlers.update(watch.handlers())
+        self._handlers.update(servo.readings.handlers(self._feedback))
 
     def _take(self, port: CanPort) -> None:
         """Everything that has come; of each kind the latest value stays."""
         frames = port.drain()
         if self._io is not None:
             self._io.tick()
-        servo = self._servo
-        if servo is not None:
-            readings = servo.readings
-            arena, came = readings.begin()
-            places, length = self._tpdo1, TPDO1.packing.size
-            others = self._others
-            for identifier, payload in frames:
-                place = places.get(identifier)
-                if place is not None:
-                    if len(payload) == length:
-                        where, index = place
-                        arena[where] = payload
-                        came[index] = 1
-                    else:
-                        readings.note_length(place[1], len(payload))
-                    continue
-                handler = others.get(identifier)
-                if handler is not None:
-                    handler(payload)
-        else:
-            for identifier, payload in frames:
-                handler = self._others.get(identifier)
-                if handler is not None:
-                    handler(payload)
+        if self._servo is not None:
+            self._servo.readings.begin()
+        for identifier, payload in frames:
+            handler = self._handlers.get(identifier)
+            if handler is not None:
+                handler(payload)
         for _, axis in self._streamed:
             axis.read()
 
