@@ -20,7 +20,7 @@ class _Described(Protocol):
 
 
 def wait_for_frames(port: _Described, wait: Callable[[float], object] = time.sleep) -> None:
-    """Return once a frame may have come, within 20 ms; where the bus is away, after 50 ms."""
+    """Return once a frame may have come, within `ROUND_S`; where the bus is away, after `AWAY_ROUND_S`."""
     descriptor = port.fileno()
     if descriptor < 0:
         wait(AWAY_ROUND_S)

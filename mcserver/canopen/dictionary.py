@@ -5,6 +5,7 @@ Types and places by CiA 301 (1000h … 1A03h) and CiA 402 (6000h ff.).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from canopen.objectdictionary import ObjectDictionary, ODRecord, ODVariable, datatypes
@@ -139,6 +140,15 @@ class DeviceDictionary(ObjectDictionary):
         self.sha256 = ""
         self.unreadable: dict[tuple[int, int], ConfigurationError] = {}
         self.generic = generic
+
+    @property
+    def variables(self) -> Iterator[ODVariable]:
+        """Its objects without members, and the members of the others, by number."""
+        for entry in self.values():
+            if isinstance(entry, ODVariable):
+                yield entry
+            else:
+                yield from entry.values()
 
 
 @dataclass(frozen=True)

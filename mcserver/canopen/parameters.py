@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import cast
 
 from canopen.objectdictionary import ODVariable
@@ -50,9 +50,8 @@ def parameters_of(dictionary: DeviceDictionary, node_axis: int = 0) -> list[Para
     own = range(0x6000 + AXIS_OFFSET * node_axis, 0x6000 + AXIS_OFFSET * (node_axis + 1))
     return [
         parameter_of(each)
-        for index in sorted(dictionary)
-        if index >= 0x1000 and (index in own or not 0x6000 <= index < 0xA000)
-        for each in _variables(dictionary, index)
+        for each in dictionary.variables
+        if each.index >= 0x1000 and (each.index in own or not 0x6000 <= each.index < 0xA000)
     ]
 
 
@@ -67,14 +66,6 @@ def parameter_of(variable: ODVariable) -> Parameter:
         variable.min,
         variable.max,
     )
-
-
-def _variables(dictionary: DeviceDictionary, index: int) -> Iterator[ODVariable]:
-    entry = dictionary[index]
-    if isinstance(entry, ODVariable):
-        yield entry
-    else:
-        yield from (entry.subindices[subindex] for subindex in sorted(entry.subindices))
 
 
 def search(parameters: Sequence[Parameter], words: Sequence[str]) -> list[Parameter]:

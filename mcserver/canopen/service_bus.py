@@ -7,7 +7,6 @@ which waits for its own node only.
 from __future__ import annotations
 
 import logging
-import select
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -16,6 +15,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from mcserver.can.cob import NMT, Function, NmtCommand, NmtState
 from mcserver.can.port import CanPort
 from mcserver.canopen.boot import NodeBoot
+from mcserver.canopen.bus_frames import ROUND_S, wait_for_frames
 from mcserver.canopen.canopen_errors import DriveError, Stopped
 from mcserver.canopen.drive_events import CanopenEvent, CanopenEventKind
 from mcserver.canopen.listening import MASTER
@@ -29,11 +29,8 @@ from mcserver.errors import McError
 log = logging.getLogger(__name__)
 
 HEARTBEAT_S = 0.05
-ROUND_S = 0.02
 # Process data of the cycle come by the thousand; where nobody waits for an answer they are taken in lumps.
 LUMP_S = 0.01
-# Without a connection to wait for, the port is asked so often whether it is back.
-AWAY_ROUND_S = 0.05
 WORKERS = 32
 FIRST_RETRY_S = 1.0
 LONGEST_RETRY_S = 30.0
@@ -158,16 +155,11 @@ class CanopenBus:
                 self._stopping.wait(ROUND_S)
 
     def _wait_for_frames(self) -> None:
-        descriptor = self._network.fileno()
-        if descriptor < 0:
-            self._stopping.wait(AWAY_ROUND_S)
-            return
-        if self._booted and not self._under_way and not self._network.is_awaited:
+        nobody_waits = self._booted and not self._under_way and not self._network.is_awaited
+        if nobody_waits and self._network.fileno() >= 0:
             self._stopping.wait(LUMP_S)
-            return
-        waiting = select.poll()
-        waiting.register(descriptor, select.POLLIN)
-        waiting.poll(ROUND_S * 1000.0)
+        else:
+            wait_for_frames(self._network, self._stopping.wait)
 
     def _beat(self, now: float) -> None:
         if now >= self._next_beat:

@@ -157,14 +157,9 @@ def _described(node: int) -> tuple[frozenset[int], tuple[Entry, ...]]:
         The indices of its objects, and their entries: to be copied, for they hold the values of a node.
     """
     text = resources.files("mcserver.drive_sim").joinpath(EDS).read_text("ascii")
-    dictionary = parse_description(text, node).dictionary
-    objects = {index: dictionary[index] for index in dictionary if index >= 0x1000}
-    variables = (
-        variable
-        for found in objects.values()
-        for variable in ([found] if isinstance(found, ODVariable) else found.values())
-    )
-    return frozenset(objects), tuple(_entry(variable) for variable in variables)
+    variables = parse_description(text, node).dictionary.variables
+    entries = tuple(_entry(variable) for variable in variables if variable.index >= 0x1000)
+    return frozenset(entry.index for entry in entries), entries
 
 
 def _entry(variable: ODVariable) -> Entry:
