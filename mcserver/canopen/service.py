@@ -6,7 +6,6 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from contextlib import suppress
 
 from mcserver.can.open import open_port
 from mcserver.can.pdo import ProcessData
@@ -26,7 +25,6 @@ from mcserver.machine.machine_file import Machine
 
 OnProgress = Callable[[str], None]
 
-SUPERVISION_S = 0.2
 BOOT_ROUND_S = 0.1
 PROGRESS_S = 2.0
 
@@ -42,9 +40,7 @@ class CanopenService:
         self.machine = machine
         self.buses: list[CanopenBus] = []
         self._dictionaries = dictionaries
-        self._stopping = threading.Event()
         self._closing = threading.Lock()
-        self._supervisor = threading.Thread(target=self._supervise, name="canopen supervisor", daemon=True)
 
     @classmethod
     def start(
@@ -92,16 +88,12 @@ class CanopenService:
                 port.close()
             service.close()
             raise
-        service._supervisor.start()
         return service
 
     def close(self) -> None:
         """Drives leave operation; no thread and no connection is left. A second call does nothing."""
         if not self._closing.acquire(blocking=False):
             return
-        self._stopping.set()
-        if self._supervisor.is_alive():
-            self._supervisor.join()
         for bus in self.buses:
             bus.close()
 
@@ -157,13 +149,6 @@ class CanopenService:
         for node in self.nodes:
             if node.remarks:
                 on_progress(f"{node.settings.name}: " + "; ".join(node.remarks))
-
-    def _supervise(self) -> None:
-        while not self._stopping.wait(SUPERVISION_S):
-            for bus in self.buses:
-                # a computer without room for a thread now may have it a moment later
-                with suppress(RuntimeError):
-                    bus.ensure_running()
 
 
 def _plan(drive: DriveSettings, cycle_s: float, dictionary: DeviceDictionary | None) -> NodeAxis:

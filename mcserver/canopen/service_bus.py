@@ -65,7 +65,6 @@ class CanopenBus:
         on_event: OnEvent,
     ) -> None:
         self.name = name
-        self.restarts = 0
         self._network = PortNetwork(port)
         self._on_event = on_event
         self._stopping = threading.Event()
@@ -87,7 +86,7 @@ class CanopenBus:
         self._next_beat = 0.0
         self._next_watch = 0.0
         self._booted = False
-        self._thread = self._new_thread()
+        self._thread = threading.Thread(target=self._run, name=f"canopen {name}", daemon=True)
         self._network.try_send(Function.HEARTBEAT + MASTER, bytes((NmtState.BOOT_UP,)))
         self._thread.start()
 
@@ -103,15 +102,6 @@ class CanopenBus:
             self._known_boot_ups[node.settings.node] = node.boot_ups
         self._booted = True
 
-    def ensure_running(self) -> None:
-        """Start the bus's thread again where it has died."""
-        if self._stopping.is_set() or self._thread.is_alive():
-            return
-        self.restarts += 1
-        log.error("the thread of bus %s has died and is started again", self.name)
-        self._thread = self._new_thread()
-        self._thread.start()
-
     def close(self) -> None:
         """Take the nodes out of operation, end the threads and give the port back."""
         self._say_goodbye()
@@ -120,18 +110,10 @@ class CanopenBus:
             node.wake()
             node.phase = Phase.CLOSED
         self._workers.shutdown(wait=True, cancel_futures=True)
-        if self._thread.is_alive():
-            self._thread.join(JOIN_S)
+        self._thread.join(JOIN_S)
         self._network.disconnect()
 
-    def node(self, number: int) -> Node | None:
-        """Return the node of that number."""
-        return next((node for node in self.nodes if node.settings.node == number), None)
-
     # ------------------------------------------------------------ the bus's thread
-
-    def _new_thread(self) -> threading.Thread:
-        return threading.Thread(target=self._run, name=f"canopen {self.name}", daemon=True)
 
     def _run(self) -> None:
         reported = False

@@ -196,7 +196,7 @@ class CanBus:
             if servo.readings.silent_for >= self._limit:
                 self._fail_silent(servo)
             servo.step(setpoints, feedback)
-            lost += servo.send()
+            lost += servo.rpdos.send()
         for index, axis in self._streamed:
             lost += not self._exchange_streamed(index, axis, setpoints)
         if self._io is not None:
@@ -239,7 +239,7 @@ class CanBus:
         servo, watch = self._servo, self._watch
         if servo is None or watch is None:
             return
-        servo.open(port)
+        servo.rpdos.open(port)
         self._handlers.update(watch.handlers())
         self._handlers.update(servo.readings.handlers(self._feedback))
 
@@ -260,7 +260,7 @@ class CanBus:
     def _send_off(self, port: CanPort) -> None:
         """A cycle in which nothing is energized; before the first exchange CiA 402 drives get SYNC alone."""
         if self._servo is not None:
-            self._servo.send()
+            self._servo.rpdos.send()
         if self._io is not None:
             self._io.send()
         for _, axis in self._streamed:
