@@ -19,10 +19,11 @@ from mcserver.canopen.drive_events import CanopenEvent
 from mcserver.canopen.service import CanopenService
 from mcserver.cli.app import run_command_line
 from mcserver.machine.machine_file import Machine, parse_machine
+from tests.can.hubs import LIMIT_S
+from tests.can.hubs import wait_until as wait_until
 from tests.canopen.fake_drives import FakeDrives
 from tests.machine_text import axes_text
 
-LIMIT_S = 20.0
 # Answers on the loopback take a millisecond; a test that waits for none should not wait long.
 IMPATIENT = {"listen_ms": 0, "appear_timeout_s": 3.0}
 
@@ -147,15 +148,6 @@ def machine_on(
         f'[machine]\nname = "m"\ncycle_hz = {cycle_hz}\n'
         f'[[bus]]\nname = "left"\naddress = "{address}"\n{bus}\n{axes}'
     )
-
-
-def wait_until(holds: Callable[[], bool], what: str) -> None:
-    """Waits for a state that another thread brings about, and fails with a name for it."""
-    pause = threading.Event()
-    deadline = time.monotonic() + LIMIT_S
-    while not holds():
-        assert time.monotonic() < deadline, f"not within {LIMIT_S:g} s: {what}"
-        pause.wait(0.005)
 
 
 def machine_file(folder: Path, hub: RunningHub, nodes: Sequence[int] = (3,), keys: str = "") -> str:
