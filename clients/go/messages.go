@@ -658,7 +658,7 @@ type DriveInfo struct {
 	State DrivePhase `msgpack:"state" mc:"required"`
 	// Nmt: NMT state in the last heartbeat, on EtherCAT the AL state; empty: no heartbeat has come yet.
 	Nmt string `msgpack:"nmt"`
-	// HeartbeatAgeS: time since the last sign of life [s].
+	// HeartbeatAgeS: time since the last sign of life [s]; nil: none has come yet.
 	HeartbeatAgeS *float64 `msgpack:"heartbeat_age_s"`
 	// Statusword: 6041h; of a drive that streams telemetry its fault bits.
 	Statusword *int64 `msgpack:"statusword"`
@@ -680,7 +680,7 @@ type DriveInfo struct {
 	BootUps int64 `msgpack:"boot_ups"`
 	// Message: why the last configuration failed.
 	Message string `msgpack:"message"`
-	// Monitor: newest values of the objects that `monitor` in the machine file names.
+	// Monitor: newest values of its telemetry, and of objects that `monitor` in the machine file names.
 	Monitor []MonitoredValue `msgpack:"monitor"`
 	// Fieldbus: kind of the bus.
 	Fieldbus Fieldbus `msgpack:"fieldbus" mc:"default=can"`
@@ -1142,12 +1142,15 @@ type ModelReply struct {
 // ModelRequest: What the machine looks like: a `ModelReply`.
 type ModelRequest struct{}
 
-// MonitoredValue: An object that `monitor` in the machine file names.
+// MonitoredValue: A value of a drive: of an object that `monitor` in the machine file names, or of its own
+// telemetry.
 type MonitoredValue struct {
 	Name string `msgpack:"name" mc:"required"`
 	// Value: the newest one; nil: none has come yet.
-	Value    Value `msgpack:"value" mc:"required"`
-	Index    int64 `msgpack:"index"`
+	Value Value `msgpack:"value" mc:"required"`
+	// Index: the object; index 0: it is telemetry.
+	Index int64 `msgpack:"index"`
+	// Subindex: the object; index 0: it is telemetry.
 	Subindex int64 `msgpack:"subindex"`
 }
 
@@ -1625,19 +1628,19 @@ type ScannedNode struct {
 	Profile int64 `msgpack:"profile" mc:"required"`
 	// What: the same in words.
 	What string `msgpack:"what" mc:"required"`
-	// VendorId: identity 1018h; nil: the node does not have the object.
+	// VendorId: identity 1018h; nil: the node did not give it.
 	VendorId *int64 `msgpack:"vendor_id"`
-	// ProductCode: identity 1018h; nil: the node does not have the object.
+	// ProductCode: identity 1018h; nil: the node did not give it.
 	ProductCode *int64 `msgpack:"product_code"`
-	// Revision: identity 1018h; nil: the node does not have the object.
+	// Revision: identity 1018h; nil: the node did not give it.
 	Revision *int64 `msgpack:"revision"`
-	// Serial: identity 1018h; nil: the node does not have the object.
+	// Serial: identity 1018h; nil: the node did not give it.
 	Serial *int64 `msgpack:"serial"`
 	// Modes: modes of operation that 6502h lists.
 	Modes []string `msgpack:"modes"`
 	// Axis: axis of the running machine that this drive moves; nil: no axis has it.
 	Axis *int64 `msgpack:"axis"`
-	// Eds: path of an EDS file with this vendor and product; empty: none was found.
+	// Eds: path of the EDS file in the machine file, or of one with this vendor and product; empty: none was found.
 	Eds string `msgpack:"eds"`
 	// Objects: values of further objects, by keys such as `"6091:1"`: encoder (608Fh), gear (6091h), feed (6092h),
 	// rated torque (6076h [mN·m]), greatest motor speed (6080h [1/min]), travel limits (607Dh).

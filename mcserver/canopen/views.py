@@ -33,10 +33,10 @@ DrivePhase = Literal["booting", "operational", "lost", "restarting", "failed", "
 
 
 class MonitoredValue(msgspec.Struct, frozen=True, omit_defaults=True):
-    """An object that ``monitor`` in the machine file names.
+    """A value of a drive: of an object that ``monitor`` in the machine file names, or of its own telemetry.
 
     Attributes:
-        value: the newest one; None: none has come yet.
+        value: the newest one; None: none has come yet. index, subindex: the object; index 0: it is telemetry.
     """
 
     name: str
@@ -52,14 +52,14 @@ class DriveInfo(msgspec.Struct, frozen=True, omit_defaults=True):
         node: node number; on EtherCAT the position on the line. fieldbus: kind of the bus.
         state: state of the drive in the server's supervision. nmt: NMT state in the last heartbeat, on
             EtherCAT the AL state; empty: no heartbeat has come yet.
-        heartbeat_age_s: time since the last sign of life [s].
+        heartbeat_age_s: time since the last sign of life [s]; None: none has come yet.
         statusword: 6041h; of a drive that streams telemetry its fault bits. status: the same in words.
         device_type, vendor_id, product_code: objects 1000h, 1018h:01 and 1018h:02.
         emergency: the last emergency message in words, on EtherCAT the error code 603Fh. emergency_code: its
             error code. emergency_age_s: time since it came [s].
         boot_ups: number of the drive's starts since the server started. message: why the last configuration
             failed.
-        monitor: newest values of the objects that ``monitor`` in the machine file names.
+        monitor: newest values of its telemetry, and of objects that ``monitor`` in the machine file names.
     """
 
     axis: int
@@ -89,9 +89,9 @@ class ScannedNode(msgspec.Struct, frozen=True, omit_defaults=True):
     Attributes:
         node: node number; on EtherCAT the position on the line. profile: number of the device profile, from
             1000h. what: the same in words. modes: modes of operation that 6502h lists.
-        vendor_id, product_code, revision, serial: identity 1018h; None: the node does not have the object.
-        axis: axis of the running machine that this drive moves; None: no axis has it. eds: path of an EDS
-            file with this vendor and product; empty: none was found.
+        vendor_id, product_code, revision, serial: identity 1018h; None: the node did not give it.
+        axis: axis of the running machine that this drive moves; None: no axis has it. eds: path of the EDS
+            file in the machine file, or of one with this vendor and product; empty: none was found.
         objects: values of further objects, by keys such as ``"6091:1"``: encoder (608Fh), gear (6091h), feed
             (6092h), rated torque (6076h [mN·m]), greatest motor speed (6080h [1/min]), travel limits (607Dh).
     """

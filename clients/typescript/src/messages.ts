@@ -477,7 +477,7 @@ export interface DriveInfo {
   state: DrivePhase;
   /** NMT state in the last heartbeat, on EtherCAT the AL state; empty: no heartbeat has come yet. */
   nmt?: string;
-  /** time since the last sign of life [s]. */
+  /** time since the last sign of life [s]; null: none has come yet. */
   heartbeat_age_s?: number | null;
   /** 6041h; of a drive that streams telemetry its fault bits. */
   statusword?: number | null;
@@ -499,7 +499,7 @@ export interface DriveInfo {
   boot_ups?: number;
   /** why the last configuration failed. */
   message?: string;
-  /** newest values of the objects that `monitor` in the machine file names. */
+  /** newest values of its telemetry, and of objects that `monitor` in the machine file names. */
   monitor?: MonitoredValue[];
   /** kind of the bus. */
   fieldbus?: Fieldbus;
@@ -973,12 +973,14 @@ export interface ModelReply {
 export interface ModelRequest {
 }
 
-/** An object that `monitor` in the machine file names. */
+/** A value of a drive: of an object that `monitor` in the machine file names, or of its own telemetry. */
 export interface MonitoredValue {
   name: string;
   /** the newest one; null: none has come yet. */
   value: boolean | number | string | null;
+  /** the object; index 0: it is telemetry. */
   index?: number;
+  /** the object; index 0: it is telemetry. */
   subindex?: number;
 }
 
@@ -1467,19 +1469,19 @@ export interface ScannedNode {
   profile: number;
   /** the same in words. */
   what: string;
-  /** identity 1018h; null: the node does not have the object. */
+  /** identity 1018h; null: the node did not give it. */
   vendor_id?: number | null;
-  /** identity 1018h; null: the node does not have the object. */
+  /** identity 1018h; null: the node did not give it. */
   product_code?: number | null;
-  /** identity 1018h; null: the node does not have the object. */
+  /** identity 1018h; null: the node did not give it. */
   revision?: number | null;
-  /** identity 1018h; null: the node does not have the object. */
+  /** identity 1018h; null: the node did not give it. */
   serial?: number | null;
   /** modes of operation that 6502h lists. */
   modes?: string[];
   /** axis of the running machine that this drive moves; null: no axis has it. */
   axis?: number | null;
-  /** path of an EDS file with this vendor and product; empty: none was found. */
+  /** path of the EDS file in the machine file, or of one with this vendor and product; empty: none was found. */
   eds?: string;
   /**
    * values of further objects, by keys such as `"6091:1"`: encoder (608Fh), gear (6091h), feed (6092h), rated

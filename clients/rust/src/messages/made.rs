@@ -614,7 +614,7 @@ pub struct DriveInfo {
     /// NMT state in the last heartbeat, on EtherCAT the AL state; empty: no heartbeat has come yet.
     #[serde(default)]
     pub nmt: String,
-    /// time since the last sign of life \[s\].
+    /// time since the last sign of life \[s\]; none: none has come yet.
     #[serde(default)]
     pub heartbeat_age_s: Option<f64>,
     /// 6041h; of a drive that streams telemetry its fault bits.
@@ -647,7 +647,7 @@ pub struct DriveInfo {
     /// why the last configuration failed.
     #[serde(default)]
     pub message: String,
-    /// newest values of the objects that `monitor` in the machine file names.
+    /// newest values of its telemetry, and of objects that `monitor` in the machine file names.
     #[serde(default)]
     pub monitor: Vec<MonitoredValue>,
     /// kind of the bus.
@@ -1308,15 +1308,17 @@ pub struct ModelReply {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ModelRequest {}
 
-/// An object that `monitor` in the machine file names.
+/// A value of a drive: of an object that `monitor` in the machine file names, or of its own telemetry.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MonitoredValue {
     pub name: String,
     /// the newest one; none: none has come yet.
     #[serde(deserialize_with = "Option::deserialize")]
     pub value: Option<Value>,
+    /// the object; index 0: it is telemetry.
     #[serde(default)]
     pub index: u64,
+    /// the object; index 0: it is telemetry.
     #[serde(default)]
     pub subindex: u64,
 }
@@ -2029,16 +2031,16 @@ pub struct ScannedNode {
     pub profile: u64,
     /// the same in words.
     pub what: String,
-    /// identity 1018h; none: the node does not have the object.
+    /// identity 1018h; none: the node did not give it.
     #[serde(default)]
     pub vendor_id: Option<u64>,
-    /// identity 1018h; none: the node does not have the object.
+    /// identity 1018h; none: the node did not give it.
     #[serde(default)]
     pub product_code: Option<u64>,
-    /// identity 1018h; none: the node does not have the object.
+    /// identity 1018h; none: the node did not give it.
     #[serde(default)]
     pub revision: Option<u64>,
-    /// identity 1018h; none: the node does not have the object.
+    /// identity 1018h; none: the node did not give it.
     #[serde(default)]
     pub serial: Option<u64>,
     /// modes of operation that 6502h lists.
@@ -2047,7 +2049,8 @@ pub struct ScannedNode {
     /// axis of the running machine that this drive moves; none: no axis has it.
     #[serde(default)]
     pub axis: Option<u64>,
-    /// path of an EDS file with this vendor and product; empty: none was found.
+    /// path of the EDS file in the machine file, or of one with this vendor and product; empty: none was
+    /// found.
     #[serde(default)]
     pub eds: String,
     /// values of further objects, by keys such as `"6091:1"`: encoder (608Fh), gear (6091h), feed (6092h),

@@ -594,7 +594,7 @@ public final class Messages {
      * @param node node number; on EtherCAT the position on the line.
      * @param state state of the drive in the server's supervision.
      * @param nmt NMT state in the last heartbeat, on EtherCAT the AL state; empty: no heartbeat has come yet.
-     * @param heartbeatAgeS time since the last sign of life [s].
+     * @param heartbeatAgeS time since the last sign of life [s]; null: none has come yet.
      * @param statusword 6041h; of a drive that streams telemetry its fault bits.
      * @param status the same in words.
      * @param deviceType objects 1000h, 1018h:01 and 1018h:02.
@@ -605,7 +605,7 @@ public final class Messages {
      * @param emergencyAgeS time since it came [s].
      * @param bootUps number of the drive's starts since the server started.
      * @param message why the last configuration failed.
-     * @param monitor newest values of the objects that `monitor` in the machine file names.
+     * @param monitor newest values of its telemetry, and of objects that `monitor` in the machine file names.
      * @param fieldbus kind of the bus.
      */
     public record DriveInfo(
@@ -1030,8 +1030,10 @@ public final class Messages {
     public record ModelRequest() {}
 
     /**
-     * An object that `monitor` in the machine file names.
+     * A value of a drive: of an object that `monitor` in the machine file names, or of its own telemetry.
      * @param value the newest one; null: none has come yet.
+     * @param index the object; index 0: it is telemetry.
+     * @param subindex the object; index 0: it is telemetry.
      */
     public record MonitoredValue(String name, @Nil Object value, @Sparse long index, @Sparse long subindex) {}
 
@@ -1529,13 +1531,14 @@ public final class Messages {
      * @param node node number; on EtherCAT the position on the line.
      * @param profile number of the device profile, from 1000h.
      * @param what the same in words.
-     * @param vendorId identity 1018h; null: the node does not have the object.
-     * @param productCode identity 1018h; null: the node does not have the object.
-     * @param revision identity 1018h; null: the node does not have the object.
-     * @param serial identity 1018h; null: the node does not have the object.
+     * @param vendorId identity 1018h; null: the node did not give it.
+     * @param productCode identity 1018h; null: the node did not give it.
+     * @param revision identity 1018h; null: the node did not give it.
+     * @param serial identity 1018h; null: the node did not give it.
      * @param modes modes of operation that 6502h lists.
      * @param axis axis of the running machine that this drive moves; null: no axis has it.
-     * @param eds path of an EDS file with this vendor and product; empty: none was found.
+     * @param eds path of the EDS file in the machine file, or of one with this vendor and product; empty: none was
+     *     found.
      * @param objects values of further objects, by keys such as `"6091:1"`: encoder (608Fh), gear (6091h), feed
      *     (6092h), rated torque (6076h [mN·m]), greatest motor speed (6080h [1/min]), travel limits (607Dh).
      */
