@@ -427,44 +427,46 @@ type AxisTravel struct {
 	Unit     string  `msgpack:"unit" mc:"required"`
 }
 
-// BusCounts: One bus while it was listened to.
+// BusCounts: Frames that were counted while a bus was listened to.
 type BusCounts struct {
-	// DurationS: of that.
+	// DurationS: how long the bus was listened to [s].
 	DurationS float64 `msgpack:"duration_s" mc:"required"`
-	// Frames: that came.
+	// Frames: number of all frames.
 	Frames int64 `msgpack:"frames" mc:"required"`
-	// Load: of the bit rate [1], each frame with the most stuff bits.
+	// Load: share of the bit rate that they took [1], each counted with the most stuff bits that it can have.
 	Load float64 `msgpack:"load" mc:"required"`
-	// Syncs: SYNCs.
+	// Syncs: number of SYNCs.
 	Syncs int64 `msgpack:"syncs"`
-	// LongestSyncGapS: between two of them, by this computer's clock.
+	// LongestSyncGapS: longest time between two of them, by this computer's clock [s].
 	LongestSyncGapS float64      `msgpack:"longest_sync_gap_s"`
 	Nodes           []NodeHealth `msgpack:"nodes"`
-	// Strangers: COB-IDs that belong to no node of the machine file, with how many frames came.
+	// Strangers: number of frames by COB-ID, of COB-IDs that belong to no node of the machine file.
 	Strangers map[string]int64 `msgpack:"strangers"`
 }
 
-// BusHealth: One bus that was listened to, beside whoever is its master.
+// BusHealth: Result of listening to a bus beside its master.
 type BusHealth struct {
 	Bus string `msgpack:"bus" mc:"required"`
-	// Counts: of frames; a node of EtherCAT is a position on the line.
+	// Counts: numbers of frames; on EtherCAT a node is a position on the line.
 	Counts BusCounts `msgpack:"counts" mc:"required"`
-	// Master: by what another master was noticed; empty: none was.
+	// Master: the sign by which a master was noticed; empty: none was.
 	Master string `msgpack:"master"`
-	// ErrorFrames: errors and malformed packets that this computer's interface has seen, on EtherCAT frames with a
-	// wrong working counter.
+	// ErrorFrames: number of errors and malformed packets at this computer's interface, on EtherCAT of frames with
+	// a wrong working counter.
 	ErrorFrames int64 `msgpack:"error_frames"`
-	// FollowingErrors: by axis, the greatest between setpoint and encoder on the bus [mm, deg].
+	// FollowingErrors: greatest following error by axis, between setpoint and encoder on the bus [mm, deg].
 	FollowingErrors map[string]float64 `msgpack:"following_errors"`
 }
 
-// BusScan: Who is on one bus; `machine_file`: one to start from. `fieldbus`: kind of the bus.
+// BusScan: The nodes that answer on a bus.
 type BusScan struct {
-	Bus         string        `msgpack:"bus" mc:"required"`
-	Address     string        `msgpack:"address" mc:"required"`
-	Nodes       []ScannedNode `msgpack:"nodes" mc:"required"`
-	MachineFile string        `msgpack:"machine_file" mc:"required"`
-	Fieldbus    Fieldbus      `msgpack:"fieldbus" mc:"default=can"`
+	Bus     string        `msgpack:"bus" mc:"required"`
+	Address string        `msgpack:"address" mc:"required"`
+	Nodes   []ScannedNode `msgpack:"nodes" mc:"required"`
+	// MachineFile: text of a machine file with these drives, to start from.
+	MachineFile string `msgpack:"machine_file" mc:"required"`
+	// Fieldbus: kind of the bus.
+	Fieldbus Fieldbus `msgpack:"fieldbus" mc:"default=can"`
 }
 
 // ButtonInfo: A program of the machine file, or a probing cycle, that people start from a page.
@@ -645,59 +647,59 @@ type Done struct {
 	Programs []string `msgpack:"programs" mc:"required"`
 }
 
-// DriveInfo: One drive on a bus.
+// DriveInfo: A drive on a bus and its state.
 type DriveInfo struct {
 	Axis int64  `msgpack:"axis" mc:"required"`
 	Kind string `msgpack:"kind" mc:"required"`
 	Bus  string `msgpack:"bus" mc:"required"`
-	// Node: on EtherCAT its position.
+	// Node: node number; on EtherCAT the position on the line.
 	Node int64 `msgpack:"node" mc:"required"`
-	// State: what the server takes it for.
+	// State: state of the drive in the server's supervision.
 	State DrivePhase `msgpack:"state" mc:"required"`
-	// Nmt: what its last heartbeat said, on EtherCAT its AL state; empty: none has come.
+	// Nmt: NMT state in the last heartbeat, on EtherCAT the AL state; empty: no heartbeat has come yet.
 	Nmt string `msgpack:"nmt"`
-	// HeartbeatAgeS: since its last sign of life [s].
+	// HeartbeatAgeS: time since the last sign of life [s]; nil: none has come yet.
 	HeartbeatAgeS *float64 `msgpack:"heartbeat_age_s"`
-	// Statusword: 6041h, or the fault bits of a drive that streams telemetry.
+	// Statusword: 6041h; of a drive that streams telemetry its fault bits.
 	Statusword *int64 `msgpack:"statusword"`
 	// Status: the same in words.
 	Status string `msgpack:"status"`
-	// DeviceType: 1000h, 1018h:01, 1018h:02.
+	// DeviceType: objects 1000h, 1018h:01 and 1018h:02.
 	DeviceType *int64 `msgpack:"device_type"`
-	// VendorId: 1000h, 1018h:01, 1018h:02.
+	// VendorId: objects 1000h, 1018h:01 and 1018h:02.
 	VendorId *int64 `msgpack:"vendor_id"`
-	// ProductCode: 1000h, 1018h:01, 1018h:02.
+	// ProductCode: objects 1000h, 1018h:01 and 1018h:02.
 	ProductCode *int64 `msgpack:"product_code"`
-	// Emergency: its last emergency message in words, on EtherCAT what 603Fh says
+	// Emergency: the last emergency message in words, on EtherCAT the error code 603Fh.
 	Emergency string `msgpack:"emergency"`
-	// EmergencyCode: of that.
+	// EmergencyCode: its error code.
 	EmergencyCode *int64 `msgpack:"emergency_code"`
-	// EmergencyAgeS: of that.
+	// EmergencyAgeS: time since it came [s].
 	EmergencyAgeS *float64 `msgpack:"emergency_age_s"`
-	// BootUps: how often it has started since the server did.
+	// BootUps: number of the drive's starts since the server started.
 	BootUps int64 `msgpack:"boot_ups"`
-	// Message: why its configuration failed.
+	// Message: why the last configuration failed.
 	Message string `msgpack:"message"`
-	// Monitor: what the machine file wants to see of it, newest values.
+	// Monitor: newest values of its telemetry, and of objects that `monitor` in the machine file names.
 	Monitor []MonitoredValue `msgpack:"monitor"`
-	// Fieldbus: kind of its bus.
+	// Fieldbus: kind of the bus.
 	Fieldbus Fieldbus `msgpack:"fieldbus" mc:"default=can"`
 }
 
-// DriveParameters: What a drive's dictionary has of one axis.
+// DriveParameters: The objects of a drive, of one axis of its node.
 type DriveParameters struct {
 	Axis int64  `msgpack:"axis" mc:"required"`
 	Bus  string `msgpack:"bus" mc:"required"`
-	// Node: on EtherCAT its position.
+	// Node: node number; on EtherCAT the position on the line.
 	Node int64 `msgpack:"node" mc:"required"`
-	// NodeAxis: which axis of its node it is.
+	// NodeAxis: number of the axis among those of its node, from 0.
 	NodeAxis int64 `msgpack:"node_axis" mc:"required"`
-	// EdsSha256: of its EDS; empty: there is none, and these are the standard's objects.
+	// EdsSha256: digest of the drive's EDS; empty: it has none, and the objects are those of the standard.
 	EdsSha256  string          `msgpack:"eds_sha256" mc:"required"`
 	Parameters []ParameterInfo `msgpack:"parameters" mc:"required"`
-	// Unreadable: entries of the EDS that make no sense, each with why.
+	// Unreadable: entries of the EDS that cannot be read, each with the reason.
 	Unreadable []string `msgpack:"unreadable" mc:"required"`
-	// Fieldbus: kind of its bus.
+	// Fieldbus: kind of the bus.
 	Fieldbus Fieldbus `msgpack:"fieldbus" mc:"default=can"`
 }
 
@@ -721,18 +723,18 @@ type DriveScopeRequest struct {
 	TimeoutS *float64 `msgpack:"timeout_s"`
 }
 
-// DriveTrace: Every mapped object of an axis in each cycle, around a trigger.
+// DriveTrace: Recording of every mapped object of an axis in each cycle, around a trigger.
 type DriveTrace struct {
 	Axis int64 `msgpack:"axis" mc:"required"`
-	// Cycles: of them.
+	// Cycles: number of cycles.
 	Cycles int64 `msgpack:"cycles" mc:"required"`
-	// CycleS: [s].
+	// CycleS: length of a cycle [s].
 	CycleS float64 `msgpack:"cycle_s" mc:"required"`
-	// BeginS: of the first one, by the trigger, or 0 [s].
+	// BeginS: time of the first cycle; the trigger is at time 0 [s].
 	BeginS float64 `msgpack:"begin_s" mc:"required"`
 	// TriggerUnix: Unix time of time 0 [s].
 	TriggerUnix float64 `msgpack:"trigger_unix" mc:"required"`
-	// Missing: SYNCs that the bus had too few.
+	// Missing: number of SYNCs that are missing in the recording.
 	Missing int64         `msgpack:"missing" mc:"required"`
 	Signals []ScopeSignal `msgpack:"signals" mc:"required"`
 }
@@ -743,26 +745,26 @@ type DriveTuneRequest struct {
 	Seconds *float64 `msgpack:"seconds"`
 }
 
-// DriveTuning: What a motion tells of a loop in mode cst or csv.
+// DriveTuning: Result of measuring an axis in mode cst or csv while it moves, and proposed gains of its loop.
 type DriveTuning struct {
 	Axis int64    `msgpack:"axis" mc:"required"`
 	Mode LoopMode `msgpack:"mode" mc:"required"`
-	// Measured: cst: inertia [kg·m²], friction [N·m], viscous [N·m·s/rad], load [N·m], explained, uncertainty [1];
-	// csv: scale [1], lag, uncertainty [s].
+	// Measured: in mode cst inertia [kg·m²], friction [N·m], viscous [N·m·s/rad], load [N·m], explained and
+	// uncertainty [1]; in mode csv scale [1], lag and uncertainty [s].
 	Measured map[string]float64 `msgpack:"measured" mc:"required"`
 	// Said: the same in words.
 	Said string `msgpack:"said" mc:"required"`
-	// Loops: that of the machine file, then the proposed one.
+	// Loops: the loop with the gains of the machine file, then with the proposed ones.
 	Loops []TunedLoop `msgpack:"loops" mc:"required"`
-	// Changes: lines of the machine file; none: it fits.
+	// Changes: lines to change in the machine file; empty: its gains fit.
 	Changes []string `msgpack:"changes" mc:"required"`
-	// Remedy: what to do with them.
+	// Remedy: how to apply the changes.
 	Remedy string `msgpack:"remedy" mc:"required"`
-	// FrequencyHz: the machine file's loop, opened, on the measured response; empty: it is not known.
+	// FrequencyHz: open-loop response with the gains of the machine file, as measured; empty: not known.
 	FrequencyHz []float64 `msgpack:"frequency_hz" mc:"required"`
-	// GainDb: the machine file's loop, opened, on the measured response; empty: it is not known.
+	// GainDb: open-loop response with the gains of the machine file, as measured; empty: not known.
 	GainDb []float64 `msgpack:"gain_db" mc:"required"`
-	// PhaseDeg: the machine file's loop, opened, on the measured response; empty: it is not known.
+	// PhaseDeg: open-loop response with the gains of the machine file, as measured; empty: not known.
 	PhaseDeg []float64 `msgpack:"phase_deg" mc:"required"`
 }
 
@@ -1140,12 +1142,16 @@ type ModelReply struct {
 // ModelRequest: What the machine looks like: a `ModelReply`.
 type ModelRequest struct{}
 
-// MonitoredValue: One object that the machine file shows in telemetry (`monitor`); value nil: none has come.
+// MonitoredValue: A value of a drive: of an object that `monitor` in the machine file names, or of its own
+// telemetry.
 type MonitoredValue struct {
-	Name     string `msgpack:"name" mc:"required"`
-	Value    Value  `msgpack:"value" mc:"required"`
-	Index    int64  `msgpack:"index"`
-	Subindex int64  `msgpack:"subindex"`
+	Name string `msgpack:"name" mc:"required"`
+	// Value: the newest one; nil: none has come yet.
+	Value Value `msgpack:"value" mc:"required"`
+	// Index: the object; index 0: it is telemetry.
+	Index int64 `msgpack:"index"`
+	// Subindex: the object; index 0: it is telemetry.
+	Subindex int64 `msgpack:"subindex"`
 }
 
 // MountedTool: A tool that has a body and is mounted, according to a program.
@@ -1167,25 +1173,26 @@ type Need struct {
 	Confirm string `msgpack:"confirm"`
 }
 
-// NodeHealth: One node while it was listened to.
+// NodeHealth: Frames of a node that were counted while a bus was listened to.
 type NodeHealth struct {
-	Node int64   `msgpack:"node" mc:"required"`
+	Node int64 `msgpack:"node" mc:"required"`
+	// Axes: numbers of the machine's axes that the node has.
 	Axes []int64 `msgpack:"axes" mc:"required"`
-	// State: NMT state of its last heartbeat; empty: none came.
+	// State: NMT state in the last heartbeat; empty: none came.
 	State string `msgpack:"state"`
-	// Heartbeats: that came.
+	// Heartbeats: number of heartbeats.
 	Heartbeats int64 `msgpack:"heartbeats"`
-	// LongestGapS: between two of them, by this computer's clock.
+	// LongestGapS: longest time between two of them, by this computer's clock [s].
 	LongestGapS float64 `msgpack:"longest_gap_s"`
-	// Readings: process data that it sent at SYNC.
+	// Readings: number of TPDOs that the node sends at SYNC.
 	Readings int64 `msgpack:"readings"`
-	// Late: those that came after the next SYNC.
+	// Late: number of those that came after the next SYNC.
 	Late int64 `msgpack:"late"`
-	// Lost: those that never came.
+	// Lost: number of those that never came.
 	Lost int64 `msgpack:"lost"`
-	// BootUps: times it started.
+	// BootUps: number of its boot-up messages.
 	BootUps int64 `msgpack:"boot_ups"`
-	// Emergencies: the last ones, in words.
+	// Emergencies: its last emergency messages in words.
 	Emergencies []string `msgpack:"emergencies"`
 }
 
@@ -1281,19 +1288,19 @@ type PairClearance struct {
 	Line    int64    `msgpack:"line" mc:"required"`
 }
 
-// ParameterInfo: One object of a drive's dictionary, as its EDS has it.
+// ParameterInfo: An object of a drive, as its EDS describes it.
 type ParameterInfo struct {
 	Index    int64 `msgpack:"index" mc:"required"`
 	Subindex int64 `msgpack:"subindex" mc:"required"`
-	// Name: members behind their record: `Gear ratio.Motor revolutions`.
+	// Name: name in the EDS; a member's follows that of its record: `Gear ratio.Motor revolutions`.
 	Name string `msgpack:"name" mc:"required"`
-	// Type: by which it is read.
+	// Type: data type.
 	Type SdoType `msgpack:"type" mc:"required"`
 	// Access: ro, wo, rw, rwr, rww or const.
 	Access string `msgpack:"access" mc:"required"`
-	// Low: limits of the EDS; nil: only those of the type.
+	// Low: limits in the EDS; nil: the limits of the type.
 	Low *int64 `msgpack:"low"`
-	// High: limits of the EDS; nil: only those of the type.
+	// High: limits in the EDS; nil: the limits of the type.
 	High *int64 `msgpack:"high"`
 }
 
@@ -1613,37 +1620,41 @@ type RunRequestsReply struct {
 // RunRequestsRequest: Requests that wait for an operator, are armed, or were started recently.
 type RunRequestsRequest struct{}
 
-// ScannedNode: One node that answers on a bus.
+// ScannedNode: A node that answers on a bus.
 type ScannedNode struct {
-	// Node: on EtherCAT the position.
+	// Node: node number; on EtherCAT the position on the line.
 	Node int64 `msgpack:"node" mc:"required"`
-	// Profile: of 1000h
+	// Profile: number of the device profile, from 1000h.
 	Profile int64 `msgpack:"profile" mc:"required"`
 	// What: the same in words.
-	What        string `msgpack:"what" mc:"required"`
-	VendorId    *int64 `msgpack:"vendor_id"`
+	What string `msgpack:"what" mc:"required"`
+	// VendorId: identity 1018h; nil: the node did not give it.
+	VendorId *int64 `msgpack:"vendor_id"`
+	// ProductCode: identity 1018h; nil: the node did not give it.
 	ProductCode *int64 `msgpack:"product_code"`
-	Revision    *int64 `msgpack:"revision"`
-	Serial      *int64 `msgpack:"serial"`
-	// Modes: of 6502h. vendor_id … serial: 1018h; nil: it does not say.
+	// Revision: identity 1018h; nil: the node did not give it.
+	Revision *int64 `msgpack:"revision"`
+	// Serial: identity 1018h; nil: the node did not give it.
+	Serial *int64 `msgpack:"serial"`
+	// Modes: modes of operation that 6502h lists.
 	Modes []string `msgpack:"modes"`
-	// Axis: of the running machine, whose drive it is.
+	// Axis: axis of the running machine that this drive moves; nil: no axis has it.
 	Axis *int64 `msgpack:"axis"`
-	// Eds: a file that is its by vendor and product.
+	// Eds: path of the EDS file in the machine file, or of one with this vendor and product; empty: none was found.
 	Eds string `msgpack:"eds"`
-	// Objects: what else it says of itself, by object, such as `"6091:1"`: encoder (608Fh), gear (6091h), feed
-	// (6092h), rated torque (6076h [mN·m]), greatest speed of the motor (6080h [1/min]), travel (607Dh).
+	// Objects: values of further objects, by keys such as `"6091:1"`: encoder (608Fh), gear (6091h), feed (6092h),
+	// rated torque (6076h [mN·m]), greatest motor speed (6080h [1/min]), travel limits (607Dh).
 	Objects map[string]int64 `msgpack:"objects"`
 }
 
-// ScopeSignal: What one object had in each cycle.
+// ScopeSignal: Values of an object in each cycle.
 type ScopeSignal struct {
-	// Object: such as `6064h:00`; empty: it is computed.
+	// Object: index and subindex, such as `6064h:00`; empty: the values were computed.
 	Object string `msgpack:"object" mc:"required"`
 	Name   string `msgpack:"name" mc:"required"`
-	// Unit: empty: as the drive has it.
+	// Unit: unit of the values; empty: the drive's own.
 	Unit string `msgpack:"unit" mc:"required"`
-	// Values: one a cycle, float64, little endian; NaN: nothing came.
+	// Values: one for each cycle, float64, little endian; NaN: no value came in it.
 	Values []byte `msgpack:"values" mc:"required"`
 }
 
@@ -1661,19 +1672,20 @@ type SdoReadRequest struct {
 	Type *SdoType `msgpack:"type"`
 }
 
-// SdoReply: An object's value, read or written; `bytes` are shown as text.
+// SdoReply: Value of an object that was read or written.
 type SdoReply struct {
 	Axis int64  `msgpack:"axis" mc:"required"`
 	Bus  string `msgpack:"bus" mc:"required"`
-	// Node: on EtherCAT its position.
+	// Node: node number; on EtherCAT the position on the line.
 	Node     int64   `msgpack:"node" mc:"required"`
 	Index    int64   `msgpack:"index" mc:"required"`
 	Subindex int64   `msgpack:"subindex" mc:"required"`
 	Type     SdoType `msgpack:"type" mc:"required"`
-	Value    Value   `msgpack:"value" mc:"required"`
-	// Raw: the bytes, little endian.
+	// Value: of the type `bytes` as hexadecimal text.
+	Value Value `msgpack:"value" mc:"required"`
+	// Raw: the transferred bytes, little endian.
 	Raw []byte `msgpack:"raw" mc:"required"`
-	// Fieldbus: kind of its bus.
+	// Fieldbus: kind of the bus.
 	Fieldbus Fieldbus `msgpack:"fieldbus" mc:"default=can"`
 }
 
@@ -2006,24 +2018,27 @@ type ToolRow struct {
 	UsedMin float64 `msgpack:"used_min"`
 }
 
-// TunedLoop: Gains of a loop and what they leave.
+// TunedLoop: Gains of a control loop and its stability margins.
 type TunedLoop struct {
 	Name string `msgpack:"name" mc:"required"`
-	// Gains: as in `[axis.drive]`.
+	// Gains: by the keys of `[axis.drive]`.
 	Gains map[string]float64 `msgpack:"gains" mc:"required"`
-	// Least: share of the measured inertia (cst) down and up to which it is stable, or multiple of its gain (csv,
-	// greatest alone); 0: it is not.
+	// Least: in mode cst the least and the greatest inertia, as multiples of the measured one, with which the loop
+	// is stable; in mode csv `greatest` alone, the multiple of its gain up to which it is stable; 0: it is not
+	// stable.
 	Least float64 `msgpack:"least" mc:"required"`
-	// Greatest: share of the measured inertia (cst) down and up to which it is stable, or multiple of its gain
-	// (csv, greatest alone); 0: it is not.
+	// Greatest: in mode cst the least and the greatest inertia, as multiples of the measured one, with which the
+	// loop is stable; in mode csv `greatest` alone, the multiple of its gain up to which it is stable; 0: it is not
+	// stable.
 	Greatest float64 `msgpack:"greatest" mc:"required"`
-	// PhaseDeg: left.
+	// PhaseDeg: phase margin [deg].
 	PhaseDeg float64 `msgpack:"phase_deg" mc:"required"`
-	// CrossoverHz: on the measured response, where it is known.
+	// CrossoverHz: crossover frequency [Hz] and phase margin [deg] on the measured response; nil: not known.
 	CrossoverHz *float64 `msgpack:"crossover_hz"`
-	// MeasuredPhaseDeg: on the measured response, where it is known.
+	// MeasuredPhaseDeg: crossover frequency [Hz] and phase margin [deg] on the measured response; nil: not known.
 	MeasuredPhaseDeg *float64 `msgpack:"measured_phase_deg"`
-	// MeasuredGain: multiple of the gains up to which it is stable on that; nil: beyond what was measured.
+	// MeasuredGain: multiple of the gains up to which the loop is stable on that response; nil: more than could be
+	// measured.
 	MeasuredGain *float64 `msgpack:"measured_gain"`
 }
 

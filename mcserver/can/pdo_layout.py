@@ -11,14 +11,7 @@ import struct
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-
-@dataclass(frozen=True)
-class Entry:
-    """One mapped object (CiA 301, 1600h ff.): index, subindex, length in bits."""
-
-    index: int
-    subindex: int
-    bits: int
+from mcserver.can.pdo import MappedObject
 
 
 @dataclass(frozen=True)
@@ -26,12 +19,12 @@ class Pdo:
     """One PDO.
 
     Attributes:
-        number: 1 … 4, of the predefined connection set. entries: in order. packing: the same as a `struct`.
+        number: 1 … 4, of the predefined connection set. objects: in order. packing: the same as a `struct`.
         transmission: type (1400h:2, 1800h:2): n = at every n-th SYNC.
     """
 
     number: int
-    entries: tuple[Entry, ...]
+    objects: tuple[MappedObject, ...]
     packing: struct.Struct
     transmission: int
 
@@ -51,16 +44,16 @@ class Mode(enum.IntEnum):
 
 SLOW_SYNCS = 10
 
-CONTROLWORD = Entry(0x6040, 0, 16)
-STATUSWORD = Entry(0x6041, 0, 16)
-MODE = Entry(0x6060, 0, 8)
-MODE_DISPLAY = Entry(0x6061, 0, 8)
-POSITION_ACTUAL = Entry(0x6064, 0, 32)
-VELOCITY_ACTUAL = Entry(0x606C, 0, 32)
-TARGET_TORQUE = Entry(0x6071, 0, 16)
-TORQUE_ACTUAL = Entry(0x6077, 0, 16)
-TARGET_POSITION = Entry(0x607A, 0, 32)
-TARGET_VELOCITY = Entry(0x60FF, 0, 32)
+CONTROLWORD = MappedObject(0x6040, 0, 16)
+STATUSWORD = MappedObject(0x6041, 0, 16)
+MODE = MappedObject(0x6060, 0, 8)
+MODE_DISPLAY = MappedObject(0x6061, 0, 8)
+POSITION_ACTUAL = MappedObject(0x6064, 0, 32)
+VELOCITY_ACTUAL = MappedObject(0x606C, 0, 32)
+TARGET_TORQUE = MappedObject(0x6071, 0, 16)
+TORQUE_ACTUAL = MappedObject(0x6077, 0, 16)
+TARGET_POSITION = MappedObject(0x607A, 0, 32)
+TARGET_VELOCITY = MappedObject(0x60FF, 0, 32)
 
 RPDO1 = Pdo(1, (CONTROLWORD, MODE, TARGET_POSITION), struct.Struct("<Hbi"), 1)
 RPDO2 = Pdo(2, (CONTROLWORD, TARGET_VELOCITY, TARGET_TORQUE), struct.Struct("<Hih"), 1)

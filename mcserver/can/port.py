@@ -50,14 +50,25 @@ class PortCounters:
     down: bool = False
 
 
-class CanPort(Protocol):
-    """One end on a bus, as a sender and a receiver of frames. Not thread-safe."""
+class ListeningPort(Protocol):
+    """One end on a bus, as a receiver of frames. Not thread-safe."""
 
     @property
     def counters(self) -> PortCounters: ...
 
     def fileno(self) -> int:
         """For `select`; −1 while the bus is away."""
+
+    def drain(self) -> list[Frame]:
+        """What has come since the last call, oldest first, at most `MAX_DRAINED`. Never waits, never raises.
+        A bus that came back is used again by itself."""
+
+    def close(self) -> None:
+        """Give the bus back; a second call does nothing."""
+
+
+class CanPort(ListeningPort, Protocol):
+    """One end on a bus, as a sender and a receiver of frames. Not thread-safe."""
 
     def prepare(self, identifier: int, length: int) -> bytearray:
         """Return a buffer for a frame that is sent again and again; its payload begins at
@@ -74,13 +85,6 @@ class CanPort(Protocol):
 
     def send(self, identifier: int, payload: bytes) -> bool:
         """Send one frame; as `send_prepared`."""
-
-    def drain(self) -> list[Frame]:
-        """What has come since the last call, oldest first, at most `MAX_DRAINED`. Never waits, never raises.
-        A bus that came back is used again by itself."""
-
-    def close(self) -> None:
-        """Give the bus back; a second call does nothing."""
 
 
 @runtime_checkable

@@ -1,16 +1,19 @@
-"""What ports on sockets of the kernel share: buffers, giving up a bus that is away, and opening it again."""
+"""What ports on sockets of the kernel share: sending and taking frames, and opening a lost bus again."""
 
 from __future__ import annotations
 
+import errno
 import socket
 import time
 from abc import ABC, abstractmethod
 from typing import ClassVar
 
 from mcserver.can.frame import PAYLOAD_OFFSET, filled_frame, prepare_frame
-from mcserver.can.port import PortCounters
+from mcserver.can.port import MAX_DRAINED, Frame, PortCounters
 
 REOPEN_S = 0.1
+# There is no room now.
+FULL = frozenset((errno.EAGAIN, errno.ENOBUFS))
 
 
 class SocketPort(ABC):
@@ -40,8 +43,43 @@ class SocketPort(ABC):
         """
 
     @abstractmethod
+    def _transmit(self, buffer: bytearray) -> None:
+        """Send a prepared frame. Raises: OSError."""
+
+    @abstractmethod
+    def _receive(self) -> Frame | None:
+        """Take what has come next; None: it is no frame, or none of the others'. Raises: OSError."""
+
     def send_prepared(self, buffer: bytearray) -> bool:
-        """As `CanPort.send_prepared`."""
+        if self._socket is None and not self._reopen():
+            self.counters.unsent += 1
+            return False
+        try:
+            self._transmit(buffer)
+        except OSError as error:
+            self.counters.unsent += 1
+            if error.errno not in FULL:
+                self._failed(error)
+            return False
+        self.counters.sent += 1
+        return True
+
+    def drain(self) -> list[Frame]:
+        frames: list[Frame] = []
+        if self._socket is None and not self._reopen():
+            return frames
+        for _ in range(MAX_DRAINED):
+            try:
+                frame = self._receive()
+            except BlockingIOError:
+                break
+            except OSError as error:
+                self._failed(error)
+                break
+            if frame is not None:
+                frames.append(frame)
+        self.counters.received += len(frames)
+        return frames
 
     def fileno(self) -> int:
         return -1 if self._socket is None else self._socket.fileno()

@@ -12,7 +12,7 @@ import struct
 from contextlib import suppress
 
 from mcserver.can.frame import ERROR_FLAG, FRAME_SIZE, HEADER, NOT_DATA
-from mcserver.can.port import MAX_DRAINED, MAX_PAYLOAD, Frame
+from mcserver.can.port import MAX_PAYLOAD, Frame
 from mcserver.can.socket_port import SocketPort
 from mcserver.errors import RuntimeFault
 
@@ -27,7 +27,6 @@ ERROR_BUS_OFF = 0x40
 ERROR_RESTARTED = 0x100
 RECEIVE_BUFFER = 1 << 20
 SO_RCVBUFFORCE = 33
-FULL = frozenset((errno.EAGAIN, errno.ENOBUFS))
 
 
 class SocketCanPort(SocketPort):
@@ -49,44 +48,20 @@ class SocketCanPort(SocketPort):
         except OSError as error:
             raise _cannot_open(interface, error) from error
 
-    def send_prepared(self, buffer: bytearray) -> bool:
-        if self._socket is None and not self._reopen():
-            self.counters.unsent += 1
-            return False
+    def _transmit(self, buffer: bytearray) -> None:
         assert self._socket is not None
-        try:
-            self._socket.send(buffer)
-        except OSError as error:
-            self.counters.unsent += 1
-            if error.errno not in FULL:
-                self._failed(error)
-            return False
-        self.counters.sent += 1
-        return True
+        self._socket.send(buffer)
 
-    def drain(self) -> list[Frame]:
-        frames: list[Frame] = []
-        if self._socket is None and not self._reopen():
-            return frames
+    def _receive(self) -> Frame | None:
         assert self._socket is not None
-        buffer, counters = self._incoming, self.counters
-        receive = self._socket.recv_into
-        for _ in range(MAX_DRAINED):
-            try:
-                size = receive(buffer)
-            except BlockingIOError:
-                break
-            except OSError as error:
-                self._failed(error)
-                break
-            identifier, length = HEADER.unpack_from(buffer)
-            if size != FRAME_SIZE or identifier & NOT_DATA or length > MAX_PAYLOAD:
-                self._not_data(identifier)
-                continue
-            counters.received += 1
-            counters.down = False
-            frames.append((identifier, bytes(buffer[8 : 8 + length])))
-        return frames
+        buffer = self._incoming
+        size = self._socket.recv_into(buffer)
+        identifier, length = HEADER.unpack_from(buffer)
+        if size != FRAME_SIZE or identifier & NOT_DATA or length > MAX_PAYLOAD:
+            self._not_data(identifier)
+            return None
+        self.counters.down = False
+        return identifier, bytes(buffer[8 : 8 + length])
 
     def _not_data(self, identifier: int) -> None:
         if not identifier & ERROR_FLAG:

@@ -16,7 +16,7 @@ from typing import Any
 import msgspec
 
 from mcserver.can.frame import HEADER, PAYLOAD_OFFSET
-from mcserver.can.port import EXTENDED, EXTENDED_MASK, MAX_DRAINED, MAX_PAYLOAD, STANDARD_MASK, Frame
+from mcserver.can.port import EXTENDED, EXTENDED_MASK, MAX_PAYLOAD, STANDARD_MASK, Frame
 from mcserver.can.socket_port import SocketPort
 from mcserver.errors import RuntimeFault
 
@@ -71,10 +71,7 @@ class UdpMulticastPort(SocketPort):
                 "check with ip route get that this computer has a route to the group",
             ) from error
 
-    def send_prepared(self, buffer: bytearray) -> bool:
-        if self._sender is None and not self._reopen():
-            self.counters.unsent += 1
-            return False
+    def _transmit(self, buffer: bytearray) -> None:
         assert self._sender is not None
         identifier, length = HEADER.unpack_from(buffer)
         message = self._message
@@ -82,42 +79,16 @@ class UdpMulticastPort(SocketPort):
         message.is_extended_id = bool(identifier & EXTENDED)
         message.dlc = length
         message.data = bytes(buffer[PAYLOAD_OFFSET : PAYLOAD_OFFSET + length])
-        try:
-            self._sender.send(self._encoder.encode(message))
-        except BlockingIOError:
-            self.counters.unsent += 1
-            return False
-        except OSError as error:
-            self.counters.unsent += 1
-            self._failed(error)
-            return False
-        self.counters.sent += 1
-        return True
+        self._sender.send(self._encoder.encode(message))
 
-    def drain(self) -> list[Frame]:
-        frames: list[Frame] = []
-        if self._socket is None and not self._reopen():
-            return frames
+    def _receive(self) -> Frame | None:
         assert self._socket is not None
-        receive, own = self._socket.recvfrom, self._own_port
-        counters = self.counters
-        for _ in range(MAX_DRAINED):
-            try:
-                packet, source = receive(MAX_PACKET)
-            except BlockingIOError:
-                break
-            except OSError as error:
-                self._failed(error)
-                break
-            if source[1] == own:
-                continue
-            frame = _frame_of(packet)
-            if frame is None:
-                counters.malformed += 1
-                continue
-            counters.received += 1
-            frames.append(frame)
-        return frames
+        packet, source = self._socket.recvfrom(MAX_PACKET)
+        if source[1] == self._own_port:
+            return None
+        frame = _frame_of(packet)
+        self.counters.malformed += frame is None
+        return frame
 
     def _give_back(self) -> None:
         super()._give_back()

@@ -1,5 +1,4 @@
 """The service path of CANopen drives: dictionaries, boot-up, supervision and SDO, beside the cycle.
 
-Only `mcserver.canopen.service` and what it imports need the packages of the ``can`` extra; a machine
-without drives on a bus imports none of it.
+A machine without drives on a bus imports none of the packages for them.
 """

@@ -1,10 +1,13 @@
-"""Abort codes of SDO transfers in words (CiA 301, table 22), and what helps."""
+"""Abort codes of SDO transfers in words (CiA 301, table 22), what helps, and faults of transfers."""
 
 from __future__ import annotations
 
 from types import MappingProxyType
 
 from canopen.sdo.exceptions import SdoAbortedError
+
+from mcserver.canopen.canopen_errors import DriveError, object_text
+from mcserver.canopen.settings import DriveSettings
 
 NO_SUCH_OBJECT = 0x0602_0000
 NO_SUCH_SUBINDEX = 0x0609_0011
@@ -50,3 +53,21 @@ def abort_text(code: int) -> str:
 def abort_remedy(code: int) -> str:
     """Return what helps against an abort."""
     return _REMEDIES.get(code, "see the drive's manual for this object and code")
+
+
+def refused(drive: DriveSettings, index: int, subindex: int, verb: str, code: int) -> DriveError:
+    """Return MC553 of an object that a drive refuses; ``verb``: read or written."""
+    return drive.fault(
+        "MC553",
+        f"{object_text(index, subindex)} cannot be {verb}: {abort_text(code)}",
+        abort_remedy(code),
+        index=index,
+        subindex=subindex,
+        abort_code=code,
+    )
+
+
+def unanswered(drive: DriveSettings, index: int, subindex: int, what: str, remedy: str) -> DriveError:
+    """Return MC554 of an object whose answer stays out."""
+    what = f"{object_text(index, subindex)} {what}"
+    return drive.fault("MC554", what, remedy, index=index, subindex=subindex)

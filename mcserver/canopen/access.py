@@ -25,7 +25,6 @@ from mcserver.canopen.views import (
     DriveParameters,
     Fieldbus,
     MonitoredValue,
-    ParameterInfo,
     SdoReply,
     SdoTarget,
     SdoType,
@@ -106,18 +105,7 @@ class OperatorAccess:
             settings.place,
             settings.node_axis,
             dictionary.sha256,
-            [
-                ParameterInfo(
-                    each.index,
-                    each.subindex,
-                    each.name,
-                    cast(SdoType, each.kind),
-                    each.access,
-                    each.low,
-                    each.high,
-                )
-                for each in parameters_of(dictionary, settings.node_axis)
-            ],
+            [*parameters_of(dictionary, settings.node_axis)],
             [error.message for _, error in sorted(dictionary.unreadable.items())],
             cast(Fieldbus, settings.fieldbus),
         )

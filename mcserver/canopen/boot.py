@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import threading
 import time
-from dataclasses import dataclass
 
 from mcserver.can.cob import NMT, NmtCommand, NmtState
 from mcserver.canopen.canopen_errors import DriveError, Stopped
 from mcserver.canopen.lss import LssOutcome, assign_node_number, identity_text
 from mcserver.canopen.network import PortNetwork
 from mcserver.canopen.node import Node
-from mcserver.canopen.sdo import NodeSdo
 from mcserver.drives.cia402.state import STATE_BITS, STATE_OF_BITS, Controlword, PowerState
 
 # A reset is repeated after this time, then after twice as long, and so on: a slow drive must not be reset
@@ -22,14 +20,6 @@ CONTROLWORD, STATUSWORD = 0x6040, 0x6041
 _UNHEARD = "check that it has power, its node number and the bit rate, and the bus's two terminators"
 
 
-@dataclass(frozen=True)
-class BootTimes:
-    """How long a node may take [s]: to appear (None: as its bus says), and to become operational."""
-
-    appear_s: float | None = None
-    start_s: float = START_LIMIT_S
-
-
 class NodeBoot:
     """Boots nodes of one bus, each in the calling thread.
 
@@ -37,9 +27,8 @@ class NodeBoot:
         stopping: set when the server stops; what waits ends soon then.
     """
 
-    def __init__(self, network: PortNetwork, times: BootTimes, stopping: threading.Event) -> None:
+    def __init__(self, network: PortNetwork, stopping: threading.Event) -> None:
         self._network = network
-        self._times = times
         self._stopping = stopping
 
     def find(self, node: Node) -> None:
@@ -48,7 +37,7 @@ class NodeBoot:
         Raises:
             DriveError: MC550 it does not appear in time. Stopped.
         """
-        deadline = time.monotonic() + self._appear_s(node)
+        deadline = time.monotonic() + node.settings.appear_s
         patience = FIRST_PATIENCE_S
         if node.settings.lss is not None:
             self._give_number(node)
@@ -67,7 +56,7 @@ class NodeBoot:
                 raise self._unheard(node)
             patience *= 2.0
 
-    def wake(self, node: Node, sdo: NodeSdo) -> None:
+    def wake(self, node: Node) -> None:
         """Bring a node that has stopped by an NMT command back to where it answers SDO.
 
         In the state stopped a node answers no SDO (CiA 301, 7.3.2.2): it is sent to pre-operational, and one
@@ -88,7 +77,7 @@ class NodeBoot:
                 return
             try:
                 # without a heartbeat its answer is the only sign
-                sdo.upload(0x1000, 0, attempts=1)
+                node.sdo.upload(0x1000, 0, attempts=1)
             except DriveError:
                 continue
             node.nmt = None
@@ -111,7 +100,7 @@ class NodeBoot:
             node.nmt = None
             self._command(node, NmtCommand.START)
             return
-        deadline = time.monotonic() + max(self._times.start_s, 2.0 * limit)
+        deadline = time.monotonic() + max(START_LIMIT_S, 2.0 * limit)
         remarks: list[str] = []
         while time.monotonic() < deadline:
             self.check_stopping()
@@ -185,9 +174,6 @@ class NodeBoot:
             "give another node number, or set it with the maker's tool",
         )
 
-    def _appear_s(self, node: Node) -> float:
-        return node.settings.appear_s if self._times.appear_s is None else self._times.appear_s
-
     def _is_operational(self, node: Node) -> bool:
         return node.nmt is NmtState.OPERATIONAL or self._stopping.is_set()
 
@@ -227,4 +213,4 @@ class NodeBoot:
             if node.settings.has_profile
             else "sends no telemetry"
         )
-        return node.settings.fault("MC550", f"{what} within {self._appear_s(node):g} s", _UNHEARD)
+        return node.settings.fault("MC550", f"{what} within {node.settings.appear_s:g} s", _UNHEARD)

@@ -9,17 +9,16 @@ import asyncio
 import contextlib
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Iterator
+from functools import partial
 from typing import TYPE_CHECKING
 
 from mcserver.canopen.drive_events import CanopenEvent
 from mcserver.canopen.settings import uses_can
-from mcserver.errors import ConfigurationError
 from mcserver.machine.machine_file import Machine
 
 if TYPE_CHECKING:
     from mcserver.canopen.access import OperatorAccess
     from mcserver.canopen.reachable_drives import LineAccess
-    from mcserver.canopen.service import CanopenService
 
 EVENTS_WAITING = 256
 
@@ -87,24 +86,30 @@ async def booted(
         take_over: reset the nodes even where another master is heard.
 
     Raises:
-        ConfigurationError: MC008, MC016 the packages are missing, MC552.
+        ConfigurationError: MC008, MC552.
         RuntimeFault: MC424, MC550 … MC555, MC560.
         Stopped: ``stopping`` said so.
     """
     drives = CanDrives(asyncio.get_running_loop())
     drives.machine = machine
-    if any(bus.kind == "ethercat" for bus in machine.buses):
-        # these drives are booted by the process of the cycle, the one master of their bus
-        from mcserver.canopen.coe import agreed_on_ethercat
+    on_ethercat, on_can = any(bus.kind == "ethercat" for bus in machine.buses), uses_can(machine)
+    if on_ethercat or on_can:
         from mcserver.canopen.machine_file_check import refuse_soft_loops
 
         refuse_soft_loops(machine)
+    if on_ethercat:
+        # these drives are booted by the process of the cycle, the one master of their bus
+        from mcserver.canopen.coe import agreed_on_ethercat
+
         drives.machine = machine = agreed_on_ethercat(machine)
     service = None
-    if uses_can(machine):
-        service, drives.access = await asyncio.to_thread(
-            _start, machine, drives, on_progress, stopping, take_over
-        )
+    if on_can:
+        from mcserver.canopen.access import OperatorAccess
+        from mcserver.canopen.service import CanopenService
+
+        start = partial(CanopenService.start, machine, drives.on_event, on_progress, stopping=stopping)
+        service = await asyncio.to_thread(start, take_over=take_over)
+        drives.access = OperatorAccess(service)
         drives.machine = service.agreed(machine)
     try:
         yield drives
@@ -113,29 +118,3 @@ async def booted(
             await asyncio.to_thread(drives.access.close)
         if service is not None:
             await asyncio.to_thread(service.close)
-
-
-def _start(
-    machine: Machine,
-    drives: CanDrives,
-    on_progress: Callable[[str], None],
-    stopping: Callable[[], bool],
-    take_over: bool,
-) -> tuple[CanopenService, OperatorAccess]:
-    try:
-        from mcserver.canopen.access import OperatorAccess
-        from mcserver.canopen.machine_file_check import refuse_soft_loops
-        from mcserver.canopen.service import CanopenService
-    except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] not in ("can", "canopen"):
-            raise
-        raise ConfigurationError(
-            "MC016",
-            f"drives on a CAN bus need the package {error.name}, which is not installed",
-            "pip install canopen python-can",
-        ) from error
-    refuse_soft_loops(machine)
-    service = CanopenService.start(
-        machine, drives.on_event, on_progress, stopping=stopping, take_over=take_over
-    )
-    return service, OperatorAccess(service)

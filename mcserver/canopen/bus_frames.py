@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Protocol
 
-from mcserver.can.port import CanPort
+from mcserver.can.port import ListeningPort
 
 ROUND_S = 0.02
 # Without a connection to wait for, a port is asked so often whether it is back.
@@ -20,7 +20,7 @@ class _Described(Protocol):
 
 
 def wait_for_frames(port: _Described, wait: Callable[[float], object] = time.sleep) -> None:
-    """Return once a frame may have come, within 20 ms; where the bus is away, after 50 ms."""
+    """Return once a frame may have come, within `ROUND_S`; where the bus is away, after `AWAY_ROUND_S`."""
     descriptor = port.fileno()
     if descriptor < 0:
         wait(AWAY_ROUND_S)
@@ -31,7 +31,7 @@ def wait_for_frames(port: _Described, wait: Callable[[float], object] = time.sle
 
 
 def frames_of(
-    port: CanPort, duration_s: float, silence_s: float = math.inf
+    port: ListeningPort, duration_s: float, silence_s: float = math.inf
 ) -> Iterator[tuple[float, int, bytes]]:
     """Yield (time [s] since the begin, identifier, payload) of every frame that comes within a duration.
 

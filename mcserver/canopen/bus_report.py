@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from mcserver.can.pdo import MappedPdo, ProcessData
-from mcserver.can.port import CanPort
+from mcserver.can.port import ListeningPort
 from mcserver.canopen.bus_frames import frames_of
 from mcserver.canopen.bus_health import BusListener
 from mcserver.canopen.cycle_samples import CycleSampler, Signal, following_error
@@ -24,7 +24,7 @@ BLOCK = 4096
 def bus_report(
     machine: Machine,
     bus: str,
-    port: CanPort,
+    port: ListeningPort,
     seconds: float,
     data: Mapping[int, ProcessData],
     signals: Sequence[Signal],

@@ -12,8 +12,7 @@ import struct
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
-import msgspec
-
+from mcserver.can import pdo_layout as usual
 from mcserver.can.cob import Function
 from mcserver.can.pdo import MappedObject, MappedPdo, ProcessData
 from mcserver.can.pdo_layout import Mode
@@ -24,8 +23,7 @@ from mcserver.canopen.description import dictionary_of
 from mcserver.canopen.dictionary import FixedPdo
 from mcserver.canopen.process_data import PlannedProcessData
 from mcserver.canopen.sdo_write import DriveDictionary, SdoWrite, unsigned32
-from mcserver.canopen.settings import DriveSettings, settings_of
-from mcserver.drives.cia402.drive import Cia402Drive
+from mcserver.canopen.settings import DriveSettings, settings_of, with_process_data
 from mcserver.errors import ConfigurationError
 from mcserver.machine.machine_file import Machine
 
@@ -66,20 +64,9 @@ def agreed_on_ethercat(machine: Machine) -> Machine:
     Raises:
         ConfigurationError: as `configure_coe`.
     """
-    data = {
-        drive.axis: configure_coe(drive, machine.cycle_s)[1].process_data
-        for drive in settings_of(machine)
-        if drive.fieldbus == "ethercat"
-    }
-    axes = [
-        msgspec.structs.replace(
-            axis, drive=msgspec.structs.replace(axis.drive, process_data=data[axis.index])
-        )
-        if axis.index in data and isinstance(axis.drive, Cia402Drive)
-        else axis
-        for axis in machine.axes
-    ]
-    return msgspec.structs.replace(machine, axes=tuple(axes))
+    drives = [drive for drive in settings_of(machine) if drive.fieldbus == "ethercat"]
+    data = {drive.axis: configure_coe(drive, machine.cycle_s)[1].process_data for drive in drives}
+    return with_process_data(machine, data)
 
 
 # An object, and whether the drive is of no use without it.
@@ -88,19 +75,24 @@ _Wanted = list[tuple[MappedObject, bool]]
 
 def _wanted_outputs(drive: DriveSettings) -> _Wanted:
     target = pdo.TARGETS[Mode(drive.mode)]
-    wanted = [(pdo.CONTROLWORD, True), (pdo.MODE, False), (target, True)]
+    wanted = [(usual.CONTROLWORD, True), (usual.MODE, False), (target, True)]
     if drive.mode == Mode.PROFILE_POSITION:
         wanted.append((pdo.PROFILE_VELOCITY, False))
     else:
-        wanted += [(pdo.TARGET_POSITION, False), (pdo.TARGET_VELOCITY, False)]
-        wanted += [(pdo.TARGET_TORQUE, False)] if drive.torque else []
+        wanted += [(usual.TARGET_POSITION, False), (usual.TARGET_VELOCITY, False)]
+        wanted += [(usual.TARGET_TORQUE, False)] if drive.torque else []
     wanted += [(pdo.TORQUE_OFFSET, True)] if drive.torque_offset else []
     return wanted + ([(pdo.DIGITAL_OUTPUTS, True)] if drive.outputs else [])
 
 
 def _wanted_inputs(drive: DriveSettings) -> _Wanted:
-    wanted = [(pdo.STATUSWORD, True), (pdo.MODE_DISPLAY, False), (pdo.POSITION, True), (ERROR_CODE, False)]
-    wanted += [(pdo.TORQUE, False)] if drive.torque else []
+    wanted = [
+        (usual.STATUSWORD, True),
+        (usual.MODE_DISPLAY, False),
+        (usual.POSITION_ACTUAL, True),
+        (ERROR_CODE, False),
+    ]
+    wanted += [(usual.TORQUE_ACTUAL, False)] if drive.torque else []
     return wanted + ([(pdo.DIGITAL_INPUTS, True)] if drive.inputs else [])
 
 

@@ -201,17 +201,15 @@ class _Writer:
 
     def dcf(self, cycle_s: float) -> Iterator[SdoWrite]:
         """Values of a DCF, but for those of communication, which the master arranges, and of addressing."""
-        objects = self._dictionary.objects
-        for index in objects:
-            entry = objects[index]
-            for variable in (entry,) if isinstance(entry, ODVariable) else tuple(entry.values()):
-                if variable.value is None or not variable.writable:
-                    continue
-                if index in MASTER_OBJECTS:
-                    yield from self._of_master(index, cycle_s)
-                elif is_own_parameter(index, f"{entry.name}.{variable.name}"):
-                    what = f"{variable.name} of the DCF"
-                    yield SdoWrite(index, variable.subindex, self._payload(variable), what)
+        for variable in self._dictionary.objects.variables:
+            index = variable.index
+            if variable.value is None or not variable.writable:
+                continue
+            if index in MASTER_OBJECTS:
+                yield from self._of_master(index, cycle_s)
+            elif is_own_parameter(index, variable.qualname):
+                what = f"{variable.name} of the DCF"
+                yield SdoWrite(index, variable.subindex, self._payload(variable), what)
 
     def communication(self) -> Iterator[SdoWrite]:
         """SYNC is consumed and never produced; emergency messages name their sender by the COB-ID."""

@@ -89,7 +89,7 @@ def signals_of(
             parameter = known.get(place)
             if parameter is None:
                 continue
-            kind = parameter.kind
+            kind = parameter.type
             letter = "f" if kind == "f32" else _LETTERS[sizes[place]]
             packing = struct.Struct("<" + (letter if kind[0] in "if" else letter.upper()))
             own = (of_first_axis(place[0]), place[1])

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Protocol
 
 from mcserver.can.open import open_port
 from mcserver.canopen.bus_frames import wait_for_frames
@@ -48,20 +47,17 @@ class Reading:
     raw: bytes
 
 
-class MasterWatch(Protocol):
-    """Whether anybody else has become master of the bus."""
-
-    def check(self) -> None:
-        """Raise RuntimeFault MC560 where somebody has."""
-
-
 class Desk:
-    """A drive's parameters; made by `at_desk`."""
+    """A drive's parameters; made by `at_desk`.
 
-    def __init__(self, drive: DriveSettings, sdo: SdoClient, watch: MasterWatch) -> None:
+    Args:
+        check: raises RuntimeFault MC560 where anybody else has become master of the bus.
+    """
+
+    def __init__(self, drive: DriveSettings, sdo: SdoClient, check: Callable[[], None]) -> None:
         self.drive = drive
         self._sdo = sdo
-        self._watch = watch
+        self._check = check
 
     def read(self, parameter: Parameter) -> Reading:
         """Read a parameter.
@@ -69,11 +65,11 @@ class Desk:
         Raises:
             DriveError: MC553 the drive refuses, MC554 no answer. RuntimeFault: MC560 another master came.
         """
-        self._watch.check()
+        self._check()
         raw = self._sdo.upload(*parameter.place)
-        self._watch.check()
+        self._check()
         try:
-            return Reading(parameter, parameter.kind, decode_value(parameter.kind, raw), raw)
+            return Reading(parameter, parameter.type, decode_value(parameter.type, raw), raw)
         except ValueError:
             # the EDS is wrong about its length, or it is no text: the bytes are right
             return Reading(parameter, "bytes", decode_value("bytes", raw), raw)
@@ -84,7 +80,7 @@ class Desk:
         Raises:
             DriveError: MC554. RuntimeFault: MC560.
         """
-        self._watch.check()
+        self._check()
         try:
             return int.from_bytes(self._sdo.upload(index, subindex)[:8], "little")
         except DriveError as error:
@@ -114,10 +110,10 @@ class Desk:
         self.refuse_energized()
         self._sdo.download(*parameter.place, raw)
         if not parameter.readable:
-            return Reading(parameter, parameter.kind, decode_value(parameter.kind, raw), raw)
+            return Reading(parameter, parameter.type, decode_value(parameter.type, raw), raw)
         reading = self.read(parameter)
         if _unfilled(parameter, reading.raw) != _unfilled(parameter, raw):
-            written = decode_value(parameter.kind, raw)
+            written = decode_value(parameter.type, raw)
             raise self._refusal(
                 f"{parameter.title} holds {reading.value} after {written} was written",
                 "the drive rounds or bounds it, or another parameter decides: see its manual",
@@ -156,7 +152,7 @@ class Desk:
 
 def _unfilled(parameter: Parameter, raw: bytes) -> bytes:
     """Return bytes without the zeros by which a drive fills up a text."""
-    return raw.rstrip(b"\0") if parameter.kind in ("str", "utf16") else raw
+    return raw.rstrip(b"\0") if parameter.type in ("str", "utf16") else raw
 
 
 class _Watch:
@@ -209,8 +205,7 @@ def at_desk(drive: DriveSettings) -> Iterator[Desk]:
     thread = threading.Thread(target=_receive, args=(network, stopping), name="desk", daemon=True)
     thread.start()
     try:
-        sdo = NodeSdo(network, drive.node, drive.name, drive.axis, drive.sdo)
-        yield Desk(drive, sdo, watch)
+        yield Desk(drive, NodeSdo(network, drive), watch.check)
     finally:
         stopping.set()
         thread.join()

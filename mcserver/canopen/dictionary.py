@@ -5,11 +5,12 @@ Types and places by CiA 301 (1000h … 1A03h) and CiA 402 (6000h ff.).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from canopen.objectdictionary import ObjectDictionary, ODRecord, ODVariable, datatypes
 
-from mcserver.can.cob import Function
+from mcserver.can.cob import RPDOS, TPDOS
 from mcserver.can.pdo import MappedObject
 from mcserver.errors import ConfigurationError
 
@@ -140,6 +141,15 @@ class DeviceDictionary(ObjectDictionary):
         self.unreadable: dict[tuple[int, int], ConfigurationError] = {}
         self.generic = generic
 
+    @property
+    def variables(self) -> Iterator[ODVariable]:
+        """Its objects without members, and the members of the others, by number."""
+        for entry in self.values():
+            if isinstance(entry, ODVariable):
+                yield entry
+            else:
+                yield from entry.values()
+
 
 @dataclass(frozen=True)
 class Description:
@@ -165,11 +175,9 @@ def generic_dictionary(node: int) -> DeviceDictionary:
     for index, name, kinds, access in _RECORDS:
         dictionary.add_object(_record(name, index, kinds, access))
     for number in range(_PDOS):
-        rpdo = (Function.RPDO1, Function.RPDO2, Function.RPDO3, Function.RPDO4)[number] + node
-        tpdo = (Function.TPDO1, Function.TPDO2, Function.TPDO3, Function.TPDO4)[number] + node
         for communication, mapping, name, cob in (
-            (0x1400, 0x1600, "RPDO", rpdo),
-            (0x1800, 0x1A00, "TPDO", tpdo),
+            (0x1400, 0x1600, "RPDO", RPDOS[number] + node),
+            (0x1800, 0x1A00, "TPDO", TPDOS[number] + node),
         ):
             parameter = _record(
                 f"{name}{number + 1} communication parameter",

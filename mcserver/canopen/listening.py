@@ -13,7 +13,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from mcserver.can.cob import GREATEST_NODE, LEAST_NODE, NMT, RPDOS, SYNC, TPDOS, Function
-from mcserver.can.port import EXTENDED, CanPort, recipient
+from mcserver.can.port import EXTENDED, ListeningPort, recipient
 from mcserver.canopen.settings import DriveSettings
 from mcserver.errors import RuntimeFault
 
@@ -34,13 +34,13 @@ class Listening:
     """
 
     name: str
-    port: CanPort
+    port: ListeningPort
     drives: Collection[int]
     foreign: Mapping[int, int] = field(default_factory=dict)
     foreign_sync: bool = False
 
 
-def for_masters(drive: DriveSettings, port: CanPort) -> Listening:
+def for_masters(drive: DriveSettings, port: ListeningPort) -> Listening:
     """Listen on a drive's bus for a master's frames alone.
 
     Nodes that send process data by themselves are none, nor is a producer of SYNC by agreement.

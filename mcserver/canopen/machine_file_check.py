@@ -7,8 +7,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from canopen.objectdictionary import ODVariable
-
 from mcserver.can.pdo_layout import Mode
 from mcserver.canopen.canopen_errors import object_text
 from mcserver.canopen.coe import configure_coe
@@ -87,7 +85,8 @@ def _evidence(drive: DriveSettings, described: Description) -> list[Diagnostic]:
 
 def _doubts(drive: DriveSettings, described: Description) -> list[Diagnostic]:
     doubts = [] if described.dictionary.generic else _evidence(drive, described)
-    if described.commissioned_node not in (None, drive.node) and _has_values(described):
+    has_values = any(each.value is not None for each in described.dictionary.variables)
+    if described.commissioned_node not in (None, drive.node) and has_values:
         doubts.append(
             _warning(
                 drive,
@@ -172,15 +171,6 @@ def _doubtful_values(
             place = object_text(write.index, write.subindex)
             found.append(_warning(drive, f"{place} is {said} in the EDS", write.doubt))
     return found
-
-
-def _has_values(described: Description) -> bool:
-    for index in described.dictionary:
-        entry = described.dictionary[index]
-        members = (entry,) if isinstance(entry, ODVariable) else tuple(entry.values())
-        if any(member.value is not None for member in members):
-            return True
-    return False
 
 
 def _warning(drive: DriveSettings, message: str, hint: str) -> Diagnostic:

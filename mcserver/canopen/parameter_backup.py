@@ -59,10 +59,10 @@ def take_backup(
                 raise
             unread.append(error.message)
             continue
-        if reading.kind == each.kind:
+        if reading.kind == each.type:
             found.append(stored(each, reading.kind, reading.value))
         else:
-            unread.append(f"{each.title} has {len(reading.raw)} bytes, which is no {each.kind} of the EDS")
+            unread.append(f"{each.title} has {len(reading.raw)} bytes, which is no {each.type} of the EDS")
     return ParameterFile(identity, found, taken, unread)
 
 
@@ -94,8 +94,8 @@ def restore(
     wanted = {place: known.get(in_drive(place, desk.drive.node_axis)) for place in file.values}
     for place, value in file.values.items():
         parameter = wanted[place]
-        if parameter is None or parameter.kind != value.type:
-            why = "is no parameter that is kept" if parameter is None else f"is {parameter.kind} here"
+        if parameter is None or parameter.type != value.type:
+            why = "is no parameter that is kept" if parameter is None else f"is {parameter.type} here"
             raise UsageFault(
                 "MC565",
                 f"{value.object} {value.name} ({value.type}) {why}, by the drive's EDS",

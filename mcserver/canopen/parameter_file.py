@@ -92,7 +92,7 @@ def is_stored(parameter: Parameter) -> bool:
     return (
         parameter.readable
         and parameter.writable
-        and parameter.kind != "bytes"
+        and parameter.type != "bytes"
         and index not in _MOMENTARY
         and is_own_parameter(index, parameter.name)
     )

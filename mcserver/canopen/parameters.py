@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from typing import cast
 
 from canopen.objectdictionary import ODVariable
 
@@ -13,29 +13,15 @@ from mcserver.canopen.canopen_errors import object_text
 from mcserver.canopen.dictionary import DeviceDictionary
 from mcserver.canopen.settings import AXIS_OFFSET
 from mcserver.canopen.values import Value, encode_value, type_name
+from mcserver.canopen.views import ParameterInfo, SdoType
 from mcserver.errors import UsageFault
 
 _NUMBER = re.compile(r"(?:0x)?([0-9a-f]{4})h?(?:[:.](?:0x)?([0-9a-f]{1,2})h?)?", re.I)
 MOST_NEAR = 5
 
 
-@dataclass(frozen=True)
-class Parameter:
-    """One object of a drive.
-
-    Attributes:
-        name: of the EDS, members behind their record: ``Gear ratio.Motor revolutions``.
-        kind: short name of its type. access: ro, wo, rw, rwr, rww or const.
-        low, high: limits that the EDS gives; None: only those of the type.
-    """
-
-    index: int
-    subindex: int
-    name: str
-    kind: str
-    access: str
-    low: int | None = None
-    high: int | None = None
+class Parameter(ParameterInfo, frozen=True):
+    """One object of a drive."""
 
     @property
     def place(self) -> tuple[int, int]:
@@ -64,9 +50,8 @@ def parameters_of(dictionary: DeviceDictionary, node_axis: int = 0) -> list[Para
     own = range(0x6000 + AXIS_OFFSET * node_axis, 0x6000 + AXIS_OFFSET * (node_axis + 1))
     return [
         parameter_of(each)
-        for index in sorted(dictionary)
-        if index >= 0x1000 and (index in own or not 0x6000 <= index < 0xA000)
-        for each in _variables(dictionary, index)
+        for each in dictionary.variables
+        if each.index >= 0x1000 and (each.index in own or not 0x6000 <= each.index < 0xA000)
     ]
 
 
@@ -76,19 +61,11 @@ def parameter_of(variable: ODVariable) -> Parameter:
         variable.index,
         variable.subindex,
         " ".join(variable.qualname.split()),
-        type_name(variable.data_type),
+        cast(SdoType, type_name(variable.data_type)),
         variable.access_type,
         variable.min,
         variable.max,
     )
-
-
-def _variables(dictionary: DeviceDictionary, index: int) -> Iterator[ODVariable]:
-    entry = dictionary[index]
-    if isinstance(entry, ODVariable):
-        yield entry
-    else:
-        yield from (entry.subindices[subindex] for subindex in sorted(entry.subindices))
 
 
 def search(parameters: Sequence[Parameter], words: Sequence[str]) -> list[Parameter]:
@@ -97,7 +74,7 @@ def search(parameters: Sequence[Parameter], words: Sequence[str]) -> list[Parame
     return [
         each
         for each in parameters
-        if all(word in f"{each.title} {each.kind} {each.access}".lower() for word in wanted)
+        if all(word in f"{each.title} {each.type} {each.access}".lower() for word in wanted)
     ]
 
 
@@ -145,16 +122,16 @@ def encode(parameter: Parameter, value: Value) -> bytes:
             "MC559", f"{parameter.title} is {parameter.access}", "only rw and wo parameters are written"
         )
     try:
-        raw = encode_value(parameter.kind, value)
+        raw = encode_value(parameter.type, value)
     except (ValueError, OverflowError) as error:
         raise UsageFault(
-            "MC559", f"{parameter.title}: {value!r} is no {parameter.kind}: {error}", "give another value"
+            "MC559", f"{parameter.title}: {value!r} is no {parameter.type}: {error}", "give another value"
         ) from error
     if not raw:
         raise UsageFault("MC559", f"{parameter.title}: an empty value cannot be written", "give a value")
     # an EDS that gives both limits as 0 gives none
-    if (parameter.low, parameter.high) != (0, 0) and not parameter.kind.startswith(("bool", "f")):
-        number = int.from_bytes(raw, "little", signed=parameter.kind.startswith("i"))
+    if (parameter.low, parameter.high) != (0, 0) and not parameter.type.startswith(("bool", "f")):
+        number = int.from_bytes(raw, "little", signed=parameter.type.startswith("i"))
         below = parameter.low is not None and number < parameter.low
         if below or (parameter.high is not None and number > parameter.high):
             raise UsageFault(

@@ -16,9 +16,21 @@ import struct
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from mcserver.can.cob import Function
+from mcserver.can.cob import RPDOS, TPDOS, Function
 from mcserver.can.pdo import MappedObject, MappedPdo, ProcessData
-from mcserver.can.pdo_layout import SLOW_SYNCS, Mode
+from mcserver.can.pdo_layout import (
+    CONTROLWORD,
+    MODE,
+    MODE_DISPLAY,
+    POSITION_ACTUAL,
+    SLOW_SYNCS,
+    STATUSWORD,
+    TARGET_POSITION,
+    TARGET_TORQUE,
+    TARGET_VELOCITY,
+    TORQUE_ACTUAL,
+    Mode,
+)
 from mcserver.canopen.canopen_errors import object_text
 from mcserver.canopen.sdo_write import DriveDictionary, SdoWrite, unsigned32
 from mcserver.errors import ConfigurationError
@@ -34,20 +46,11 @@ MOST_BYTES = 8
 SYNCHRONOUS = range(241)
 BY_EVENTS = (254, 255)
 
-CONTROLWORD = MappedObject(0x6040, 0, 16)
-MODE = MappedObject(0x6060, 0, 8)
-TARGET_POSITION = MappedObject(0x607A, 0, 32)
 INTERPOLATED = MappedObject(0x60C1, 1, 32)
-TARGET_VELOCITY = MappedObject(0x60FF, 0, 32)
-TARGET_TORQUE = MappedObject(0x6071, 0, 16)
 TORQUE_OFFSET = MappedObject(0x60B2, 0, 16)
 PROFILE_VELOCITY = MappedObject(0x6081, 0, 32)
 DIGITAL_INPUTS = MappedObject(0x60FD, 0, 32)
 DIGITAL_OUTPUTS = MappedObject(0x60FE, 1, 32)
-STATUSWORD = MappedObject(0x6041, 0, 16)
-MODE_DISPLAY = MappedObject(0x6061, 0, 8)
-POSITION = MappedObject(0x6064, 0, 32)
-TORQUE = MappedObject(0x6077, 0, 16)
 TARGETS = {
     Mode.CYCLIC_POSITION: TARGET_POSITION,
     Mode.CYCLIC_VELOCITY: TARGET_VELOCITY,
@@ -59,9 +62,6 @@ TARGETS = {
 _CLOSED_HERE = (Mode.CYCLIC_VELOCITY, Mode.CYCLIC_TORQUE)
 # What may stand in a fixed RPDO besides, since 0 in it changes nothing: offsets, and dummy objects.
 NEUTRAL = frozenset({0x60B0, 0x60B1, 0x60B2, *range(1, 8)})
-
-_RPDO_BASES = (Function.RPDO1, Function.RPDO2, Function.RPDO3, Function.RPDO4)
-_TPDO_BASES = (Function.TPDO1, Function.TPDO2, Function.TPDO3, Function.TPDO4)
 
 
 @dataclass(frozen=True)
@@ -97,9 +97,9 @@ class _Direction:
     flags: int
 
 
-_RPDO = _Direction("RPDO", 0x1400, 0x1600, _RPDO_BASES, 0)
+_RPDO = _Direction("RPDO", 0x1400, 0x1600, RPDOS, 0)
 # remote frames are not for drives, and some devices refuse a COB-ID that allows them
-_TPDO = _Direction("TPDO", 0x1800, 0x1A00, _TPDO_BASES, NO_REMOTE_REQUEST)
+_TPDO = _Direction("TPDO", 0x1800, 0x1A00, TPDOS, NO_REMOTE_REQUEST)
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,7 @@ class _Plan:
         return tuple(self._of_axis(mapped) for mapped in required)
 
     def required_tpdo_objects(self) -> tuple[MappedObject, ...]:
-        required = [STATUSWORD, POSITION, *([DIGITAL_INPUTS] if self._drive.inputs else ())]
+        required = [STATUSWORD, POSITION_ACTUAL, *([DIGITAL_INPUTS] if self._drive.inputs else ())]
         return tuple(self._of_axis(mapped) for mapped in required)
 
     def wanted_rpdos(self) -> list[_Wanted]:
@@ -180,11 +180,11 @@ class _Plan:
 
     def wanted_tpdos(self) -> list[_Wanted]:
         mode = [MODE_DISPLAY] if self._can_map(MODE_DISPLAY) else []
-        wanted = [_Wanted((STATUSWORD, *mode, POSITION), 1)]
+        wanted = [_Wanted((STATUSWORD, *mode, POSITION_ACTUAL), 1)]
         if self._drive.inputs:
             wanted.append(_Wanted((DIGITAL_INPUTS,), 1))
-        if self._drive.torque and self._can_map(TORQUE):
-            wanted.append(_Wanted((TORQUE,), SLOW_SYNCS, spare=True))
+        if self._drive.torque and self._can_map(TORQUE_ACTUAL):
+            wanted.append(_Wanted((TORQUE_ACTUAL,), SLOW_SYNCS, spare=True))
         monitored = [self._monitored(index, subindex) for index, subindex, _ in self._drive.monitor]
         while monitored:
             taken: list[MappedObject] = []

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from mcserver.can.cob import NmtState
 from mcserver.can.pdo import ProcessData
-from mcserver.can.port import CanPort
+from mcserver.can.port import ListeningPort
 from mcserver.canopen.canopen_errors import DriveError
 from mcserver.canopen.configuration import PDO_OBJECTS, of_first_axis
 from mcserver.canopen.cycle_samples import Signal, signals_of
@@ -100,7 +100,7 @@ class LineAccess(Protocol):
     def scan(self, bus: str) -> BusScan:
         """Return who was found on a line at its start."""
 
-    def listen(self, bus: str) -> CanPort:
+    def listen(self, bus: str) -> ListeningPort:
         """Open a line for listening. Raises: RuntimeFault MC424 it cannot be."""
 
     def health(

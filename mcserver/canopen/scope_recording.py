@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 
 from mcserver.can.cob import SYNC
-from mcserver.can.port import CanPort
+from mcserver.can.port import ListeningPort
 from mcserver.canopen.bus_frames import frames_of
 from mcserver.canopen.scope import Scope
 from mcserver.canopen.settings import DriveSettings
@@ -18,7 +18,7 @@ NO_SYNC_S = 2.0
 
 
 def record_cycles(
-    port: CanPort,
+    port: ListeningPort,
     drive: DriveSettings,
     recorder: Scope,
     timeout_s: float,

@@ -14,10 +14,10 @@ from canopen.sdo.client import ReadableStream, SdoClient, WritableStream
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
 from mcserver.can.cob import Function
-from mcserver.canopen.abort_codes import abort_remedy, abort_text
+from mcserver.canopen.abort_codes import abort_text, refused, unanswered
 from mcserver.canopen.canopen_errors import DriveError, object_text
 from mcserver.canopen.network import PortNetwork
-from mcserver.canopen.settings import STORING, SdoTimes
+from mcserver.canopen.settings import STORING, DriveSettings
 
 FRAME = 8
 MAX_BYTES = 64 * 1024
@@ -50,26 +50,23 @@ class NodeSdo:
     """The client of one node's SDO server.
 
     Args:
-        name: of the node for messages, such as ``axis 2, node 3 on can0``.
-        axis: of the machine.
+        drive: the node's first axis.
     """
 
-    def __init__(self, network: PortNetwork, node: int, name: str, axis: int, times: SdoTimes) -> None:
-        self._name = name
-        self._axis = axis
-        self._times = times
+    def __init__(self, network: PortNetwork, drive: DriveSettings) -> None:
+        self._drive = drive
+        self._times = times = drive.sdo
         self._lock = threading.Lock()
         self._expected: tuple[int, int] | None = None
         # segments carry no name: until a transfer is under way they belong to an earlier one
         self._in_segments = False
         # an empty dictionary: lengths are the caller's business
-        self._client = SdoClient(
-            Function.SDO_REQUEST + node, Function.SDO_RESPONSE + node, ObjectDictionary()
-        )
+        response = Function.SDO_RESPONSE + drive.node
+        self._client = SdoClient(Function.SDO_REQUEST + drive.node, response, ObjectDictionary())
         self._client.RESPONSE_TIMEOUT = times.response_s
         self._client.network = network
         self._network = network
-        network.handle(Function.SDO_RESPONSE + node, self._on_response)
+        network.handle(response, self._on_response)
 
     def upload(self, index: int, subindex: int, *, attempts: int = 0) -> bytes:
         """Read an object; where no answer comes, ``attempts`` times (0: as configured).
@@ -84,7 +81,7 @@ class NodeSdo:
                     return self._read(index, subindex)
                 except SdoAbortedError as error:
                     if not (error.code in _PASSING and remaining):
-                        raise self._refused(index, subindex, "read", error.code) from None
+                        raise refused(self._drive, index, subindex, "read", error.code) from None
                 except (SdoCommunicationError, CanError) as error:
                     if not remaining:
                         raise self._silent(index, subindex, "read", str(error), attempts) from None
@@ -109,7 +106,7 @@ class NodeSdo:
                     return
                 except SdoAbortedError as error:
                     if not (error.code in _PASSING and remaining) or index in STORING:
-                        raise self._refused(index, subindex, "written", error.code) from None
+                        raise refused(self._drive, index, subindex, "written", error.code) from None
                 except (SdoCommunicationError, CanError) as error:
                     if index in STORING:
                         raise self._stored_or_not(index, subindex, str(error)) from None
@@ -169,12 +166,11 @@ class NodeSdo:
     @contextmanager
     def _alone(self, index: int, subindex: int) -> Iterator[None]:
         if not self._lock.acquire(timeout=self._times.queue_s):
-            raise DriveError(
+            raise self._drive.fault(
                 "MC554",
-                f"{self._name}: {object_text(index, subindex)} waits behind another transfer for more than "
+                f"{object_text(index, subindex)} waits behind another transfer for more than "
                 f"{self._times.queue_s:g} s",
                 "try again",
-                axis=self._axis,
             )
         try:
             self._expected = (index, subindex)
@@ -201,19 +197,9 @@ class NodeSdo:
         if responses.qsize() < MAX_WAITING_RESPONSES:
             responses.put_nowait(payload)
 
-    def _refused(self, index: int, subindex: int, verb: str, code: int) -> DriveError:
-        return DriveError(
-            "MC553",
-            f"{self._name}: {object_text(index, subindex)} cannot be {verb}: {abort_text(code)}",
-            abort_remedy(code),
-            axis=self._axis,
-            index=index,
-            subindex=subindex,
-            abort_code=code,
-        )
-
     def _silent(self, index: int, subindex: int, verb: str, why: str, attempts: int) -> DriveError:
-        return self._no_answer(
+        return unanswered(
+            self._drive,
             index,
             subindex,
             f"could not be {verb} in {attempts} attempts of {self._times.response_s:g} s: {why}",
@@ -222,7 +208,8 @@ class NodeSdo:
         )
 
     def _unknown(self, index: int, subindex: int, why: str) -> DriveError:
-        return self._no_answer(
+        return unanswered(
+            self._drive,
             index,
             subindex,
             "was sent to the drive once, no answer came, and it cannot be read back to see whether it was "
@@ -231,20 +218,11 @@ class NodeSdo:
         )
 
     def _stored_or_not(self, index: int, subindex: int, why: str) -> DriveError:
-        return self._no_answer(
+        return unanswered(
+            self._drive,
             index,
             subindex,
             f"was sent once and not answered within {self._times.store_s:g} s: {why}; the drive may still be "
             "storing",
             "leave its power on, read the object again in a moment, and give a longer sdo_store_timeout_s",
-        )
-
-    def _no_answer(self, index: int, subindex: int, what: str, remedy: str) -> DriveError:
-        return DriveError(
-            "MC554",
-            f"{self._name}: {object_text(index, subindex)} {what}",
-            remedy,
-            axis=self._axis,
-            index=index,
-            subindex=subindex,
         )

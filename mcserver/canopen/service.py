@@ -6,9 +6,6 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from contextlib import suppress
-
-import msgspec
 
 from mcserver.can.open import open_port
 from mcserver.can.pdo import ProcessData
@@ -20,16 +17,14 @@ from mcserver.canopen.dictionary import DeviceDictionary
 from mcserver.canopen.io_nodes import configure_io
 from mcserver.canopen.listening import MASTER, Listening, refuse_other_masters
 from mcserver.canopen.node import Node, NodeAxis
-from mcserver.canopen.service_bus import CanopenBus, OnEvent, ServiceTimes
-from mcserver.canopen.settings import DriveSettings, settings_of
+from mcserver.canopen.service_bus import CanopenBus, OnEvent
+from mcserver.canopen.settings import DriveSettings, settings_of, with_process_data
 from mcserver.canopen.values import type_name
-from mcserver.drives.cia402.drive import Cia402Drive
 from mcserver.errors import ConfigurationError, McError
 from mcserver.machine.machine_file import Machine
 
 OnProgress = Callable[[str], None]
 
-SUPERVISION_S = 0.2
 BOOT_ROUND_S = 0.1
 PROGRESS_S = 2.0
 
@@ -45,9 +40,7 @@ class CanopenService:
         self.machine = machine
         self.buses: list[CanopenBus] = []
         self._dictionaries = dictionaries
-        self._stopping = threading.Event()
         self._closing = threading.Lock()
-        self._supervisor = threading.Thread(target=self._supervise, name="canopen supervisor", daemon=True)
 
     @classmethod
     def start(
@@ -55,7 +48,6 @@ class CanopenService:
         machine: Machine,
         on_event: OnEvent,
         on_progress: OnProgress = lambda _: None,
-        times: ServiceTimes | None = None,
         stopping: Callable[[], bool] = lambda: False,
         *,
         take_over: bool = False,
@@ -72,7 +64,6 @@ class CanopenService:
                 first by axis; the others are named).
             Stopped: ``stopping`` said so.
         """
-        times = times or ServiceTimes()
         drives = [drive for drive in settings_of(machine) if drive.fieldbus == "can"]
         dictionaries = {drive.axis: dictionary_of(drive) for drive in drives if drive.kind == "cia402"}
         plans: dict[str, list[NodeAxis]] = {}
@@ -88,25 +79,21 @@ class CanopenService:
             for own in plans.values():
                 ports.append(open_port(own[0].settings.address))
             if not take_over:
-                _listen(list(plans.values()), ports, times, stopping)
+                _listen(list(plans.values()), ports, stopping)
             for name, own in plans.items():
-                service.buses.append(CanopenBus(name, ports.pop(0), own, on_event, times))
+                service.buses.append(CanopenBus(name, ports.pop(0), own, on_event))
             service._boot(on_progress, stopping)
         except BaseException:
             for port in ports:
                 port.close()
             service.close()
             raise
-        service._supervisor.start()
         return service
 
     def close(self) -> None:
         """Drives leave operation; no thread and no connection is left. A second call does nothing."""
         if not self._closing.acquire(blocking=False):
             return
-        self._stopping.set()
-        if self._supervisor.is_alive():
-            self._supervisor.join()
         for bus in self.buses:
             bus.close()
 
@@ -127,16 +114,7 @@ class CanopenService:
 
     def agreed(self, machine: Machine) -> Machine:
         """Return the machine with the process data that its drives have agreed to, for the cycle."""
-        data = self.process_data()
-        axes = [
-            msgspec.structs.replace(
-                axis, drive=msgspec.structs.replace(axis.drive, process_data=data[axis.index])
-            )
-            if isinstance(axis.drive, Cia402Drive) and axis.index in data
-            else axis
-            for axis in machine.axes
-        ]
-        return msgspec.structs.replace(machine, axes=tuple(axes))
+        return with_process_data(machine, self.process_data())
 
     def dictionary(self, axis: int) -> DeviceDictionary | None:
         """Of an axis's drive; None where it has none."""
@@ -172,13 +150,6 @@ class CanopenService:
             if node.remarks:
                 on_progress(f"{node.settings.name}: " + "; ".join(node.remarks))
 
-    def _supervise(self) -> None:
-        while not self._stopping.wait(SUPERVISION_S):
-            for bus in self.buses:
-                # a computer without room for a thread now may have it a moment later
-                with suppress(RuntimeError):
-                    bus.ensure_running()
-
 
 def _plan(drive: DriveSettings, cycle_s: float, dictionary: DeviceDictionary | None) -> NodeAxis:
     if dictionary is None:
@@ -195,13 +166,10 @@ def _plan(drive: DriveSettings, cycle_s: float, dictionary: DeviceDictionary | N
 def _listen(
     plans: Sequence[Sequence[NodeAxis]],
     ports: Sequence[CanPort],
-    times: ServiceTimes,
     stopping: Callable[[], bool],
 ) -> None:
     """Refuse buses on which another master is at work (MC560)."""
-    duration = times.listen_s
-    if duration is None:
-        duration = max((axis.settings.listen_s for own in plans for axis in own), default=0.0)
+    duration = max((axis.settings.listen_s for own in plans for axis in own), default=0.0)
     if duration <= 0.0:
         return
     buses = [

@@ -7,16 +7,15 @@ which waits for its own node only.
 from __future__ import annotations
 
 import logging
-import select
 import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field
 
 from mcserver.can.cob import NMT, Function, NmtCommand, NmtState
 from mcserver.can.port import CanPort
-from mcserver.canopen.boot import BootTimes, NodeBoot
+from mcserver.canopen.boot import NodeBoot
+from mcserver.canopen.bus_frames import ROUND_S, wait_for_frames
 from mcserver.canopen.canopen_errors import DriveError, Stopped
 from mcserver.canopen.drive_events import CanopenEvent, CanopenEventKind
 from mcserver.canopen.listening import MASTER
@@ -24,17 +23,14 @@ from mcserver.canopen.network import PortNetwork
 from mcserver.canopen.node import Node, NodeAxis, Phase
 from mcserver.canopen.node_configuration import configure_node
 from mcserver.canopen.sdo import NodeSdo
-from mcserver.canopen.settings import NO_AXIS, SdoTimes
+from mcserver.canopen.settings import NO_AXIS
 from mcserver.errors import McError
 
 log = logging.getLogger(__name__)
 
 HEARTBEAT_S = 0.05
-ROUND_S = 0.02
 # Process data of the cycle come by the thousand; where nobody waits for an answer they are taken in lumps.
 LUMP_S = 0.01
-# Without a connection to wait for, the port is asked so often whether it is back.
-AWAY_ROUND_S = 0.05
 WORKERS = 32
 FIRST_RETRY_S = 1.0
 LONGEST_RETRY_S = 30.0
@@ -52,15 +48,6 @@ GOODBYE_WATCH = (0x1016, 1)
 OnEvent = Callable[[CanopenEvent], None]
 
 
-@dataclass(frozen=True)
-class ServiceTimes:
-    """Every time limit of the service path; None: that of the machine file."""
-
-    sdo: SdoTimes | None = None
-    boot: BootTimes = field(default_factory=BootTimes)
-    listen_s: float | None = None
-
-
 class CanopenBus:
     """The nodes of one bus.
 
@@ -76,21 +63,17 @@ class CanopenBus:
         port: CanPort,
         plans: Sequence[NodeAxis],
         on_event: OnEvent,
-        times: ServiceTimes,
     ) -> None:
         self.name = name
-        self.restarts = 0
         self._network = PortNetwork(port)
         self._on_event = on_event
         self._stopping = threading.Event()
-        self._boot = NodeBoot(self._network, times.boot, self._stopping)
+        self._boot = NodeBoot(self._network, self._stopping)
         self.nodes: list[Node] = []
         for number in dict.fromkeys(axis.settings.node for axis in plans):
             own = [axis for axis in plans if axis.settings.node == number]
             own.sort(key=lambda axis: axis.settings.node_axis)
-            first = own[0].settings
-            sdo = NodeSdo(self._network, number, first.name, first.axis, times.sdo or first.sdo)
-            self.nodes.append(Node(own, self._network, sdo))
+            self.nodes.append(Node(own, self._network, NodeSdo(self._network, own[0].settings)))
         self._workers = ThreadPoolExecutor(
             min(WORKERS, max(1, len(self.nodes))), thread_name_prefix=f"canopen {name} node"
         )
@@ -103,7 +86,7 @@ class CanopenBus:
         self._next_beat = 0.0
         self._next_watch = 0.0
         self._booted = False
-        self._thread = self._new_thread()
+        self._thread = threading.Thread(target=self._run, name=f"canopen {name}", daemon=True)
         self._network.try_send(Function.HEARTBEAT + MASTER, bytes((NmtState.BOOT_UP,)))
         self._thread.start()
 
@@ -119,15 +102,6 @@ class CanopenBus:
             self._known_boot_ups[node.settings.node] = node.boot_ups
         self._booted = True
 
-    def ensure_running(self) -> None:
-        """Start the bus's thread again where it has died."""
-        if self._stopping.is_set() or self._thread.is_alive():
-            return
-        self.restarts += 1
-        log.error("the thread of bus %s has died and is started again", self.name)
-        self._thread = self._new_thread()
-        self._thread.start()
-
     def close(self) -> None:
         """Take the nodes out of operation, end the threads and give the port back."""
         self._say_goodbye()
@@ -136,18 +110,10 @@ class CanopenBus:
             node.wake()
             node.phase = Phase.CLOSED
         self._workers.shutdown(wait=True, cancel_futures=True)
-        if self._thread.is_alive():
-            self._thread.join(JOIN_S)
+        self._thread.join(JOIN_S)
         self._network.disconnect()
 
-    def node(self, number: int) -> Node | None:
-        """Return the node of that number."""
-        return next((node for node in self.nodes if node.settings.node == number), None)
-
     # ------------------------------------------------------------ the bus's thread
-
-    def _new_thread(self) -> threading.Thread:
-        return threading.Thread(target=self._run, name=f"canopen {self.name}", daemon=True)
 
     def _run(self) -> None:
         reported = False
@@ -171,16 +137,11 @@ class CanopenBus:
                 self._stopping.wait(ROUND_S)
 
     def _wait_for_frames(self) -> None:
-        descriptor = self._network.fileno()
-        if descriptor < 0:
-            self._stopping.wait(AWAY_ROUND_S)
-            return
-        if self._booted and not self._under_way and not self._network.is_awaited:
+        nobody_waits = self._booted and not self._under_way and not self._network.is_awaited
+        if nobody_waits and self._network.fileno() >= 0:
             self._stopping.wait(LUMP_S)
-            return
-        waiting = select.poll()
-        waiting.register(descriptor, select.POLLIN)
-        waiting.poll(ROUND_S * 1000.0)
+        else:
+            wait_for_frames(self._network, self._stopping.wait)
 
     def _beat(self, now: float) -> None:
         if now >= self._next_beat:
@@ -286,7 +247,7 @@ class CanopenBus:
         if find:
             self._boot.find(node)
         if node.settings.has_profile:
-            self._boot.wake(node, node.sdo)
+            self._boot.wake(node)
             self._configure(node)
         node.phase = Phase.OPERATIONAL
         node.failure = ""

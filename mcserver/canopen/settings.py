@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+import msgspec
+
+from mcserver.can.pdo import ProcessData
 from mcserver.can.pdo_layout import Mode
 from mcserver.canopen.canopen_errors import DriveError
 from mcserver.drives.cia402.drive import BASE_MODES, Cia402Drive
@@ -139,6 +143,18 @@ def settings_of(machine: Machine) -> list[DriveSettings]:
     """Return all drives on buses, by axis, and behind them the nodes with inputs and outputs."""
     drives = [_of_axis(machine, axis) for axis in machine.axes if isinstance(axis.drive, CanDrive)]
     return drives + [_of_io(bus, node) for bus in machine.buses for node in nodes_on(machine, bus.name)]
+
+
+def with_process_data(machine: Machine, data: Mapping[int, ProcessData]) -> Machine:
+    """Return the machine with the process data that its CiA 402 drives have agreed to, by axis."""
+    replaced = msgspec.structs.replace
+    axes = [
+        replaced(axis, drive=replaced(axis.drive, process_data=data[axis.index]))
+        if isinstance(axis.drive, Cia402Drive) and axis.index in data
+        else axis
+        for axis in machine.axes
+    ]
+    return replaced(machine, axes=tuple(axes))
 
 
 def _of_io(bus: BusConfig, node: int) -> DriveSettings:

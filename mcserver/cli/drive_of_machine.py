@@ -111,7 +111,7 @@ def as_json(parameter: Parameter) -> dict[str, object]:
         "index": parameter.index,
         "subindex": parameter.subindex,
         "name": parameter.name,
-        "type": parameter.kind,
+        "type": parameter.type,
         "access": parameter.access,
         "low": parameter.low,
         "high": parameter.high,

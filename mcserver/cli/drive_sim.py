@@ -79,12 +79,9 @@ def drive_sim(
     control_address = _address(control, "--control")
     _check_choice(described, bus or (), node or ())
     _check_interfaces(described, bus or (), interface or ())
-    try:
-        from mcserver.drive_sim.from_machine import Choice, build_buses
-    except ImportError as error:
-        raise ConfigurationError(
-            "MC016", f"simulated drives need {error.name}", "pip install canopen python-can"
-        ) from error
+    # only this command needs the packages for drives on a bus
+    from mcserver.drive_sim.from_machine import Choice, build_buses
+
     if realtime:
         _take_priority(realtime)
     choice = Choice(tuple(bus or ()), tuple(node or ()), interface or ())

@@ -132,7 +132,7 @@ def _show_parameters(parameters: Sequence[Parameter], json: bool) -> None:
         write_json({"ok": True, "parameters": [as_json(each) for each in parameters]})
         return
     rows = [
-        (_object(each), each.name, each.kind, each.access, _limit(each.low), _limit(each.high))
+        (_object(each), each.name, each.type, each.access, _limit(each.low), _limit(each.high))
         for each in parameters
     ]
     results().print(table(("object", "name", "type", "access", "least", "greatest"), rows))

@@ -5,12 +5,12 @@ When it loses its master, digital outputs with a bit in 6206h take the value of 
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
-from importlib import resources
+from collections.abc import Iterator, Mapping
+
+from canopen.objectdictionary import ODVariable, datatypes
 
 from mcserver.drive_sim.canopen_node import CanopenNode, Transmit
-from mcserver.drive_sim.dictionary import EDS, FORMATS, ObjectStore
+from mcserver.drive_sim.dictionary import ObjectStore
 from mcserver.drive_sim.fault_injection import BadRequest, Misbehaviour, values_of
 
 Objects = Mapping[tuple[int, int], str]
@@ -18,8 +18,14 @@ Objects = Mapping[tuple[int, int], str]
 DEVICE_TYPE = 0x000F0191
 DIGITAL_OUTPUTS, ERROR_MODE, ERROR_VALUE = 0x6200, 0x6206, 0x6207
 PDO_OFF = 0x8000_0000
-_SECTION = re.compile(r"^\[([0-9A-Fa-f]{4})(?:sub[0-9A-Fa-f]+)?\]\n(?:(?!\[).*\n?)*", re.MULTILINE)
-_TYPES = {"i8": 2, "i16": 3, "i32": 4, "u8": 5, "u16": 6, "u32": 7}
+_TYPES = {
+    "i8": datatypes.INTEGER8,
+    "i16": datatypes.INTEGER16,
+    "i32": datatypes.INTEGER32,
+    "u8": datatypes.UNSIGNED8,
+    "u16": datatypes.UNSIGNED16,
+    "u32": datatypes.UNSIGNED32,
+}
 
 
 class Cia401Node(CanopenNode):
@@ -94,16 +100,15 @@ class Cia401Node(CanopenNode):
 
 def _dictionary(node: int, inputs: Objects, outputs: Objects) -> ObjectStore:
     """Return the communication part of the shipped EDS file, and the objects of a machine's node."""
-    shipped = resources.files("mcserver.drive_sim").joinpath(EDS).read_text("ascii")
-    text = _SECTION.sub(lambda found: found[0] if int(found[1], 16) < 0x6000 else "", shipped)
-    digital = {key: "u8" for key in outputs if key[0] == DIGITAL_OUTPUTS}
-    text += _records(inputs, "ro", mappable=True)
-    text += _records(outputs, "rww", mappable=True)
+    store = ObjectStore(node)
+    store.remove(range(0x6000, 0x10000))
+    digital = [subindex for index, subindex in outputs if index == DIGITAL_OUTPUTS]
+    store.add(_channels(inputs, "ro"))
+    store.add(_channels(outputs, "rww"))
     for index in (ERROR_MODE, ERROR_VALUE):
-        text += _records({(index, sub): kind for (_, sub), kind in digital.items()}, "rw", mappable=False)
-    store = ObjectStore(node, text)
+        store.add(_channels({(index, subindex): "u8" for subindex in digital}, "rw", mappable=False))
     store.entry(0x1000).default = DEVICE_TYPE
-    for _, subindex in digital:
+    for subindex in digital:
         store.entry(ERROR_MODE, subindex).default = 0xFF
     for number in range(4):
         for communication, mapping in ((0x1400, 0x1600), (0x1800, 0x1A00)):
@@ -115,22 +120,19 @@ def _dictionary(node: int, inputs: Objects, outputs: Objects) -> ObjectStore:
     return store
 
 
-def _records(objects: Objects, access: str, *, mappable: bool) -> str:
-    """Sections of an EDS file for records with these members."""
-    members: dict[int, list[tuple[int, int]]] = {}
-    for (index, subindex), kind in objects.items():
-        if _TYPES.get(kind) in FORMATS:
-            members.setdefault(index, []).append((subindex, _TYPES[kind]))
-    text = ""
-    for index, own in members.items():
-        greatest = max(subindex for subindex, _ in own)
-        text += f"\n[{index:04X}]\nParameterName=Channels\nObjectType=0x9\nSubNumber={len(own) + 1}\n"
-        if all(subindex for subindex, _ in own):
-            text += f"\n[{index:04X}sub0]\nParameterName=Highest subindex\nObjectType=0x7\nDataType=0x0005\n"
-            text += f"AccessType=ro\nDefaultValue={greatest}\nPDOMapping=0\n"
-        for subindex, code in own:
-            text += f"\n[{index:04X}sub{subindex:X}]\nParameterName=Channel {subindex}\nObjectType=0x7\n"
-            text += (
-                f"DataType=0x{code:04X}\nAccessType={access}\nDefaultValue=0\nPDOMapping={int(mappable)}\n"
-            )
-    return text
+def _channels(objects: Objects, access: str, *, mappable: bool = True) -> Iterator[ODVariable]:
+    """Yield the members of records with these objects, each record's greatest subindex first."""
+    known = {key: _TYPES[kind] for key, kind in objects.items() if kind in _TYPES}
+    for index, subindex in dict.fromkeys((index, 0) for index, _ in known):
+        if (index, subindex) not in known:
+            count = _variable(index, subindex, datatypes.UNSIGNED8, "ro", mappable=False)
+            count.default = max(own for each, own in known if each == index)
+            yield count
+    for (index, subindex), kind in known.items():
+        yield _variable(index, subindex, kind, access, mappable=mappable)
+
+
+def _variable(index: int, subindex: int, kind: int, access: str, *, mappable: bool) -> ODVariable:
+    variable = ODVariable(f"Channel {subindex}", index, subindex)
+    variable.data_type, variable.access_type, variable.pdo_mappable = kind, access, mappable
+    return variable

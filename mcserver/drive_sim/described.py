@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from canopen.objectdictionary import ODVariable
-
 from mcserver.canopen.description import dictionary_of
 from mcserver.canopen.dictionary import DeviceDictionary
 from mcserver.canopen.settings import settings_of
@@ -62,9 +60,5 @@ def add_objects(store: ObjectStore, dictionary: DeviceDictionary | None) -> None
     """Give a simulated drive the objects of its file that it does not have: they keep what is written."""
     if dictionary is None or dictionary.generic:
         return
-    for index in dictionary:
-        entry = dictionary[index]
-        members = (entry,) if isinstance(entry, ODVariable) else tuple(entry.values())
-        if index >= FIRST_INDEX:
-            known = (*FORMATS, _VISIBLE_STRING)
-            store.add(member for member in members if member.data_type in known)
+    known = (*FORMATS, _VISIBLE_STRING)
+    store.add(each for each in dictionary.variables if each.index >= FIRST_INDEX and each.data_type in known)

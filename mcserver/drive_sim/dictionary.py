@@ -8,12 +8,11 @@ import struct
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from importlib import resources
-from io import StringIO
 from types import MappingProxyType
 
 from canopen.objectdictionary import ODVariable
-from canopen.objectdictionary.eds import import_eds
 
+from mcserver.canopen.eds import parse_description
 from mcserver.drive_sim.sdo_abort import Abort, SdoAbort
 
 EDS = "cia402.eds"
@@ -58,15 +57,13 @@ class Entry:
 class ObjectStore:
     """Entries by index and subindex."""
 
-    def __init__(self, node: int, eds: str | None = None) -> None:
-        """Read the shipped EDS file, or the text of another one."""
-        text = resources.files("mcserver.drive_sim").joinpath(EDS).read_text("ascii") if eds is None else eds
-        objects, entries = _described(text, node)
+    def __init__(self, node: int) -> None:
+        """Read the shipped EDS file."""
+        objects, entries = _described(node)
         self._objects = objects
         self._entries = {(each.index, each.subindex): dataclasses.replace(each) for each in entries}
-        storing = self._entries.get(STORE)
-        if storing is not None:
-            storing.check, storing.action = _check_signature, self._keep
+        storing = self._entries[STORE]
+        storing.check, storing.action = _check_signature, self._keep
         self.reset()
 
     def entry(self, index: int, subindex: int = 0) -> Entry:
@@ -91,6 +88,11 @@ class ObjectStore:
             if place not in self._entries:
                 self._entries[place] = _entry(variable)
                 self._objects |= {variable.index}
+
+    def remove(self, indices: range) -> None:
+        """Remove the objects of a range."""
+        self._objects -= set(indices)
+        self._entries = {place: entry for place, entry in self._entries.items() if place[0] not in indices}
 
     def _keep(self, _signature: int) -> None:
         """Store what a master has written: a reset brings that back from now on."""
@@ -148,19 +150,16 @@ def _check_signature(value: int) -> None:
 
 
 @functools.lru_cache(maxsize=32)
-def _described(eds: str, node: int) -> tuple[frozenset[int], tuple[Entry, ...]]:
-    """Read the text of an EDS file, which takes ten times as long as making a node of it.
+def _described(node: int) -> tuple[frozenset[int], tuple[Entry, ...]]:
+    """Read the shipped EDS file, which takes ten times as long as making a node of it.
 
     Returns:
         The indices of its objects, and their entries: to be copied, for they hold the values of a node.
     """
-    objects = {index: found for index, found in import_eds(StringIO(eds), node).items() if index >= 0x1000}
-    variables = (
-        variable
-        for found in objects.values()
-        for variable in ([found] if isinstance(found, ODVariable) else found.values())
-    )
-    return frozenset(objects), tuple(_entry(variable) for variable in variables)
+    text = resources.files("mcserver.drive_sim").joinpath(EDS).read_text("ascii")
+    variables = parse_description(text, node).dictionary.variables
+    entries = tuple(_entry(variable) for variable in variables if variable.index >= 0x1000)
+    return frozenset(entry.index for entry in entries), entries
 
 
 def _entry(variable: ODVariable) -> Entry:
@@ -174,9 +173,6 @@ def _entry(variable: ODVariable) -> Entry:
     if not packing:
         text, default = str(default or "").encode("latin-1", "replace"), 0
     number = int(default or 0)
-    if signed and number >= 1 << (bits - 1):
-        # EDS files write negative numbers as the hexadecimal digits of their bits
-        number -= 1 << bits
     mappable = variable.pdo_mappable
     return Entry(
         index=variable.index,

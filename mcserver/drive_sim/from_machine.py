@@ -81,6 +81,12 @@ def build_buses(
     segments: dict[str, SimulatedBusSegment] = {}
     lines: dict[str, EthercatSegment] = {}
     deadline = time.monotonic() + wait_s
+
+    def segment_of(bus: BusConfig) -> SimulatedBusSegment:
+        if bus.name not in segments:
+            segments[bus.name] = SimulatedBusSegment(bus.name, _open(bus.address, deadline, opener))
+        return segments[bus.name]
+
     try:
         for bus, axis in simulated_axes(machine, choice):
             if bus.kind == "ethercat":
@@ -88,17 +94,11 @@ def build_buses(
                     lines[bus.name] = EthercatSegment(bus.name, EthercatLine(choice.interfaces))
                 lines[bus.name].nodes.append(_ethercat_drive(machine, axis))
                 continue
-            segment = segments.get(bus.name)
-            if segment is None:
-                port = _open(bus.address, deadline, opener)
-                segment = segments[bus.name] = SimulatedBusSegment(bus.name, port)
+            segment = segment_of(bus)
             segment.nodes.append(build_node(machine, axis, segment.transmit, start_turns(axis)))
         for bus in machine.buses:
             for number in simulated_io(machine, bus, choice):
-                segment = segments.get(bus.name)
-                if segment is None:
-                    port = _open(bus.address, deadline, opener)
-                    segment = segments[bus.name] = SimulatedBusSegment(bus.name, port)
+                segment = segment_of(bus)
                 inputs, outputs = objects_of(machine, bus.name, number)
                 segment.nodes.append(Cia401Node(number, segment.transmit, inputs, outputs))
     except RuntimeFault:

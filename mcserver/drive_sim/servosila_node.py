@@ -8,26 +8,27 @@ count becomes 0, or with ``absolute`` what the shaft's angle within the turn is,
 from __future__ import annotations
 
 import math
-import struct
 from collections.abc import Callable, Mapping
 
 from mcserver.can.cob import Function
 from mcserver.drive_sim.motor import WINDUP_S, Hardware
 from mcserver.drive_sim.streamed_node import BOOT_S, StreamedNode
+from mcserver.drives.servosila.codec import (
+    COMMAND_PACKING,
+    FLOAT16_UNIT,
+    LENGTH,
+    POSITION_PACKING,
+    STATUS_PACKING,
+)
 from mcserver.drives.servosila.drive import ServosilaDrive
 from mcserver.machine.machine_file import Axis, Machine
 from mcserver.units import MINUTE, TURN
 
 NEVER = math.inf
-COMMAND = struct.Struct("<B3xf")
-STATUS = struct.Struct("<Hhf")
-PAIR = struct.Struct("<ff")
 # Code of the public reference that the server never sends: an offset from the current position.
 SERVO_STEPPER = 0x38
 # Fault bit that the simulation itself sets (reference, page 39): overcurrent.
 FOLLOWING_FAULT = 0x0008
-# The reference's FLOAT16 is linear over ±128.
-FLOAT16_PER_VOLT = 32767.0 / 128.0
 DC_BUS_V = 48.0
 # A servo command is followed unless the shaft stays this far behind for this time [turn, s].
 FOLLOWING_WINDOW = 1.0
@@ -92,9 +93,9 @@ class ServosilaNode(StreamedNode):
         """A command; one of a wrong length or an unknown code is left out."""
         if self._booting or self.wrong.stuck or identifier != Function.RPDO1 + self.node:
             return
-        if len(payload) != COMMAND.size:
+        if len(payload) != LENGTH:
             return
-        code, value = COMMAND.unpack(payload)
+        code, value = COMMAND_PACKING.unpack(payload)
         name = self._names.get(code)
         if name is None or not math.isfinite(value):
             return
@@ -211,10 +212,11 @@ class ServosilaNode(StreamedNode):
         electrical_hz = motor.velocity * self._pole_pairs
         angle = (motor.position * self._pole_pairs % 1.0) * TURN
         current = self._torque / motor.hardware.rated_torque
-        volts = round(DC_BUS_V * FLOAT16_PER_VOLT)
-        self._transmit(Function.TPDO1 + self.node, STATUS.pack(self._fault_bits, volts, electrical_hz))
-        self._transmit(Function.TPDO2 + self.node, PAIR.pack(angle, self._work_zone()))
-        self._transmit(Function.TPDO3 + self.node, PAIR.pack(current, 0.0))
+        volts = round(DC_BUS_V / FLOAT16_UNIT)
+        status = STATUS_PACKING.pack(self._fault_bits, volts, electrical_hz)
+        self._transmit(Function.TPDO1 + self.node, status)
+        self._transmit(Function.TPDO2 + self.node, POSITION_PACKING.pack(angle, self._work_zone()))
+        self._transmit(Function.TPDO3 + self.node, POSITION_PACKING.pack(current, 0.0))
 
 
 def simulated_node(

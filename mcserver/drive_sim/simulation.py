@@ -6,9 +6,11 @@ import math
 import select
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol
+from typing import Protocol
 
-from mcserver.can.port import CanPort, Frame, PortCounters, recipient
+from mcserver.can.port import CanPort, Frame, recipient
+from mcserver.drive_sim.control import ControlServer
+from mcserver.drive_sim.ethercat.segment import EthercatSegment
 from mcserver.drive_sim.fault_injection import BadRequest
 
 # A bus that is away is asked so often whether it has come back [s].
@@ -53,38 +55,6 @@ class CanNode(Node, Protocol):
         """Return what it listens to, as `mcserver.can.port.recipient` has it."""
 
     def receive(self, identifier: int, payload: bytes, now: float) -> None: ...
-
-
-class SegmentPort(Protocol):
-    """What the loop waits for on a bus."""
-
-    @property
-    def counters(self) -> PortCounters: ...
-
-    def fileno(self) -> int: ...
-
-    def drain(self) -> list[Any]: ...
-
-    def close(self) -> None: ...
-
-
-class Segment(Protocol):
-    """The nodes of one bus; `SimulatedBusSegment`, `mcserver.drive_sim.ethercat.segment.EthercatSegment`."""
-
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def port(self) -> SegmentPort: ...
-
-    @property
-    def nodes(self) -> Sequence[Node]:
-        """In the order of the machine's axes."""
-
-    @property
-    def wake(self) -> float: ...
-
-    def serve(self, frames: Sequence[Any]) -> None: ...
 
 
 class SimulatedBusSegment:
@@ -144,12 +114,7 @@ class SimulatedBusSegment:
                 self._listeners.setdefault(identifier, []).append(node)
 
 
-class RequestSource(Protocol):
-    """What else the loop waits for; see `mcserver.drive_sim.control.ControlServer`."""
-
-    def descriptors(self) -> list[int]: ...
-
-    def serve(self, ready: set[int]) -> None: ...
+Segment = SimulatedBusSegment | EthercatSegment
 
 
 class DriveSimulation:
@@ -177,7 +142,7 @@ class DriveSimulation:
 
     def run(
         self,
-        requests: RequestSource | None = None,
+        requests: ControlServer | None = None,
         on_booted: Callable[[], None] | None = None,
         bell: int | None = None,
     ) -> None:
@@ -231,7 +196,7 @@ class DriveSimulation:
             node.request(fault, request, now)
         return {"ok": True}
 
-    def _nodes(self, request: Mapping[str, object]) -> list[tuple[Segment, Node]]:
+    def _nodes(self, request: Mapping[str, object]) -> Sequence[tuple[Segment, Node]]:
         number, name = request.get("node"), request.get("bus")
         everyone = [(bus, node) for bus in self.buses for node in bus.nodes]
         found = [

@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from mcserver.can.cob import SYNC
 from mcserver.can.open import open_port
-from mcserver.can.pdo_layout import TPDO1
 from mcserver.can.port import CanPort, ClockedPort
 from mcserver.drives.bus import BusEvent, DriveFault, DriveMode, Feedback, Setpoints
 from mcserver.drives.cia402.axes import Cia402Axes
 from mcserver.drives.cia402.drive import Cia402Drive
 from mcserver.drives.cia402.loop_gains import DELAY_CYCLES
 from mcserver.drives.drive_io import DriveIo
+from mcserver.drives.io_bus import IoBus
 from mcserver.drives.io_nodes import Array, IoNodes
 from mcserver.drives.node_watch import NodeWatch, bus_back
 from mcserver.drives.streamed import StreamedAxis, StreamedDrive
@@ -88,9 +88,8 @@ class CanBus:
         self._sends_sync = self._servo is not None and bus.sync == "own"
         self._watch: NodeWatch | None = None
         if self._servo is not None:
-            nodes = [axes[index] for index in servo]
             own = [columns[index] for index in servo]
-            self._watch = NodeWatch(nodes, own, self._servo, self._cycle)
+            self._watch = NodeWatch(own_axes, own, self._servo, self._cycle)
         self._streamed = [
             (index, axis.drive.axis(axis, self._cycle, bus.silence_cycles))
             for index, axis in enumerate(axes)
@@ -100,12 +99,12 @@ class CanBus:
         self._io = io if io.numbers else None
         self._drive_io: DriveIo | None = None
         if self._servo is not None:
-            drive_io = DriveIo(machine, [axes[index] for index in servo], self._servo, bus.silence_cycles)
-            self._drive_io = drive_io if drive_io.inputs or drive_io.outputs else None
+            self._drive_io = DriveIo(machine, own_axes, self._servo, bus.silence_cycles, self._feedback)
         if self._io is not None and bus.sync == "own":
             self._sends_sync = True
-        self._tpdo1: dict[int, tuple[slice, int]] = {}
-        self._others: dict[int, Callable[[bytes], None]] = {}
+        # inputs and outputs of nodes first, those of drives behind them
+        self._io_parts: list[IoBus] = [each for each in (self._io, self._drive_io) if each is not None]
+        self._handlers: dict[int, Callable[[bytes], None]] = {}
         self._sync = bytearray()
         self._down = False
         self._unsent = 0
@@ -116,38 +115,28 @@ class CanBus:
     @property
     def inputs(self) -> tuple[int, ...]:
         """Columns of the machine's inputs on this bus."""
-        own = () if self._io is None else self._io.inputs
-        return own if self._drive_io is None else own + self._drive_io.inputs
+        return tuple(column for part in self._io_parts for column in part.inputs)
 
     @property
     def outputs(self) -> tuple[int, ...]:
         """Columns of the machine's outputs on this bus."""
-        own = () if self._io is None else self._io.outputs
-        return own if self._drive_io is None else own + self._drive_io.outputs
+        return tuple(column for part in self._io_parts for column in part.outputs)
 
     def write_outputs(self, raw: Array) -> None:
-        nodes = 0
-        if self._io is not None:
-            nodes = len(self._io.outputs)
-            self._io.write_outputs(raw[:nodes])
-        if self._drive_io is not None:
-            self._drive_io.write_outputs(raw[nodes:])
+        for part in self._io_parts:
+            part.write_outputs(raw[: len(part.outputs)])
+            raw = raw[len(part.outputs) :]
 
     def read_inputs(self, raw: Array, fresh: NDArray[np.bool_]) -> None:
-        nodes = 0
-        if self._io is not None:
-            nodes = len(self._io.inputs)
-            self._io.read_inputs(raw[:nodes], fresh[:nodes])
-        if self._drive_io is not None:
-            self._drive_io.read_inputs(raw[nodes:], fresh[nodes:], self._feedback)
+        for part in self._io_parts:
+            count = len(part.inputs)
+            part.read_inputs(raw[:count], fresh[:count])
+            raw, fresh = raw[count:], fresh[count:]
 
     def read_outputs(self, fresh: NDArray[np.bool_]) -> None:
-        nodes = 0
-        if self._io is not None:
-            nodes = len(self._io.outputs)
-            self._io.read_outputs(fresh[:nodes])
-        if self._drive_io is not None:
-            self._drive_io.read_outputs(fresh[nodes:])
+        for part in self._io_parts:
+            part.read_outputs(fresh[: len(part.outputs)])
+            fresh = fresh[len(part.outputs) :]
 
     @property
     def clock_error_ns(self) -> int | None:
@@ -207,7 +196,7 @@ class CanBus:
             if servo.readings.silent_for >= self._limit:
                 self._fail_silent(servo)
             servo.step(setpoints, feedback)
-            lost += servo.send()
+            lost += servo.rpdos.send()
         for index, axis in self._streamed:
             lost += not self._exchange_streamed(index, axis, setpoints)
         if self._io is not None:
@@ -244,53 +233,34 @@ class CanBus:
     def _prepare(self, port: CanPort) -> None:
         self._sync = port.prepare(SYNC, 0)
         for _, axis in self._streamed:
-            self._others.update(axis.open(port))
+            self._handlers.update(axis.open(port))
         if self._io is not None:
-            self._others.update(self._io.open(port))
+            self._handlers.update(self._io.open(port))
         servo, watch = self._servo, self._watch
         if servo is None or watch is None:
             return
-        servo.open(port)
-        self._tpdo1 = servo.readings.places()
-        self._others.update(watch.handlers())
-        self._others.update(servo.readings.handlers(self._feedback))
+        servo.rpdos.open(port)
+        self._handlers.update(watch.handlers())
+        self._handlers.update(servo.readings.handlers(self._feedback))
 
     def _take(self, port: CanPort) -> None:
         """Everything that has come; of each kind the latest value stays."""
         frames = port.drain()
         if self._io is not None:
             self._io.tick()
-        servo = self._servo
-        if servo is not None:
-            readings = servo.readings
-            arena, came = readings.begin()
-            places, length = self._tpdo1, TPDO1.packing.size
-            others = self._others
-            for identifier, payload in frames:
-                place = places.get(identifier)
-                if place is not None:
-                    if len(payload) == length:
-                        where, index = place
-                        arena[where] = payload
-                        came[index] = 1
-                    else:
-                        readings.note_length(place[1], len(payload))
-                    continue
-                handler = others.get(identifier)
-                if handler is not None:
-                    handler(payload)
-        else:
-            for identifier, payload in frames:
-                handler = self._others.get(identifier)
-                if handler is not None:
-                    handler(payload)
+        if self._servo is not None:
+            self._servo.readings.begin()
+        for identifier, payload in frames:
+            handler = self._handlers.get(identifier)
+            if handler is not None:
+                handler(payload)
         for _, axis in self._streamed:
             axis.read()
 
     def _send_off(self, port: CanPort) -> None:
         """A cycle in which nothing is energized; before the first exchange CiA 402 drives get SYNC alone."""
         if self._servo is not None:
-            self._servo.send()
+            self._servo.rpdos.send()
         if self._io is not None:
             self._io.send()
         for _, axis in self._streamed:

@@ -18,14 +18,17 @@ class DriveIo:
 
     Args:
         axes: of the CiA 402 drives, in the order of ``servo``. limit: cycles without an answer after which
-            they are lost.
+            they are lost. feedback: of the bus.
 
     Attributes:
         inputs, outputs: columns of the machine's.
     """
 
-    def __init__(self, machine: Machine, axes: Sequence[Axis], servo: Cia402Axes, limit: int) -> None:
+    def __init__(
+        self, machine: Machine, axes: Sequence[Axis], servo: Cia402Axes, limit: int, feedback: Feedback
+    ) -> None:
         self._servo = servo
+        self._feedback = feedback
         self._limit = max(limit, 1)
         by_number = {axis.index: place for place, axis in enumerate(axes)}
         self._sources = _places([each.source for each in machine.inputs], by_number)
@@ -47,11 +50,11 @@ class DriveIo:
         for (_, place, bit), value in zip(self._targets, raw.tolist(), strict=True):
             words[place] = int(words[place]) | 1 << bit if value else int(words[place]) & ~(1 << bit)
 
-    def read_inputs(self, raw: Array, fresh: NDArray[np.bool_], feedback: Feedback) -> None:
+    def read_inputs(self, raw: Array, fresh: NDArray[np.bool_]) -> None:
         """Fill in the newest values, shape of `inputs`; ``fresh``: False where they do not come any more."""
         ages = self._servo.readings.input_ages
         for at, (_, place, bit) in enumerate(self._sources):
-            raw[at] = int(feedback.inputs[self._servo.local[place]]) >> bit & 1
+            raw[at] = int(self._feedback.inputs[self._servo.local[place]]) >> bit & 1
             fresh[at] = ages.get(place, self._limit) < self._limit
 
     def read_outputs(self, fresh: NDArray[np.bool_]) -> None:

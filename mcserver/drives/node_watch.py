@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import Protocol
+from functools import partial
 
 from mcserver.can.cob import Function, NmtState
 from mcserver.drives.bus import BusEvent, BusEventKind, DriveFault
+from mcserver.drives.cia402.axes import Cia402Axes
 from mcserver.drives.cia402.drive import cia402_drive
 from mcserver.drives.cia402.emergency_codes import (
     NO_ERROR,
@@ -26,13 +27,6 @@ LOOK_CYCLES = 4
 EVENTS = 64
 
 
-class Failing(Protocol):
-    """Where faults are latched; `mcserver.drives.cia402.axes.Cia402Axes`."""
-
-    def fail(self, index: int, fault: DriveFault, detail: int = 0) -> bool: ...
-    def restart(self, index: int) -> None: ...
-
-
 class NodeWatch:
     """The nodes of one bus.
 
@@ -41,7 +35,9 @@ class NodeWatch:
             axis.
     """
 
-    def __init__(self, axes: Sequence[Axis], columns: Sequence[int], target: Failing, cycle_s: float) -> None:
+    def __init__(
+        self, axes: Sequence[Axis], columns: Sequence[int], target: Cia402Axes, cycle_s: float
+    ) -> None:
         self._columns = tuple(columns)
         drives = [cia402_drive(axis) for axis in axes]
         self._nodes = tuple(drive.node for drive in drives)
@@ -61,11 +57,9 @@ class NodeWatch:
     def handlers(self) -> dict[int, Callable[[bytes], None]]:
         """Return what to call for which COB-ID."""
         handlers: dict[int, Callable[[bytes], None]] = {}
-        for node in dict.fromkeys(self._nodes):
-            # what a node says concerns all of its axes
-            axes = [index for index, each in enumerate(self._nodes) if each == node]
-            handlers[Function.EMCY + node] = _for_all([self._emergency_of(index) for index in axes])
-            handlers[Function.HEARTBEAT + node] = _for_all([self._heartbeat_of(index) for index in axes])
+        for node in self._nodes:
+            handlers[Function.EMCY + node] = partial(self._on_emergency, node)
+            handlers[Function.HEARTBEAT + node] = partial(self._on_heartbeat, node)
         return handlers
 
     def forget(self) -> None:
@@ -84,30 +78,32 @@ class NodeWatch:
             if watched and now - self._beats[index] > self._patience[index]:
                 self._target.fail(index, DriveFault.HEARTBEAT, now - self._beats[index])
 
-    def _emergency_of(self, index: int) -> Callable[[bytes], None]:
-        def emergency(payload: bytes) -> None:
-            message = unpack_emergency(payload)
-            if message is None:
-                return
-            code, _register = message
+    def _axes_of(self, node: int) -> list[int]:
+        """Return the axes of a node: what it says concerns all of them."""
+        return [index for index, each in enumerate(self._nodes) if each == node]
+
+    def _on_emergency(self, node: int, payload: bytes) -> None:
+        message = unpack_emergency(payload)
+        if message is None:
+            return
+        code, _register = message
+        for index in self._axes_of(node):
             if not is_error(code):
                 # the drive's error is gone, which is no news: the axis stays latched until it is reset
                 self._reported[index] = NO_ERROR
-                return
+                continue
             news = code != self._reported[index]
             self._reported[index] = code
             if self._rules[index].stops(code) and self._target.fail(index, DriveFault.EMERGENCY, code):
-                return
+                continue
             if news:
                 self.events.append(BusEvent(self._columns[index], code, emergency_text(code)))
 
-        return emergency
-
-    def _heartbeat_of(self, index: int) -> Callable[[bytes], None]:
-        def heartbeat(payload: bytes) -> None:
-            if len(payload) != 1:
-                return
-            state = payload[0] & 0x7F
+    def _on_heartbeat(self, node: int, payload: bytes) -> None:
+        if len(payload) != 1:
+            return
+        state = payload[0] & 0x7F
+        for index in self._axes_of(node):
             self._beats[index] = self._cycle
             self._watched[index] = self._beating[index]
             if state == NmtState.BOOT_UP:
@@ -120,19 +116,6 @@ class NodeWatch:
                 self._states[index] = state
                 if state != NmtState.OPERATIONAL and not started:
                     self._target.fail(index, DriveFault.NOT_OPERATIONAL, state)
-
-        return heartbeat
-
-
-def _for_all(handlers: Sequence[Callable[[bytes], None]]) -> Callable[[bytes], None]:
-    if len(handlers) == 1:
-        return handlers[0]
-
-    def handle(payload: bytes) -> None:
-        for each in handlers:
-            each(payload)
-
-    return handle
 
 
 def bus_back(column: int, name: str) -> BusEvent:

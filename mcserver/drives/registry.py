@@ -37,38 +37,26 @@ def on_buses(openers: Mapping[str, BusOpener] = MappingProxyType({})) -> BusFact
     """
 
     def make(machine: Machine, axes: Sequence[Axis], columns: Sequence[int]) -> list[DriveBus]:
-        return _on_buses(machine, axes, columns, openers)
+        # an executor without such drives starts without their code
+        from mcserver.drives.can_bus import CanBus
+        from mcserver.drives.cia402.loop_gains import ETHERCAT_DELAY_CYCLES
+
+        on: dict[str, list[int]] = {bus.name: [] for bus in machine.buses}
+        for axis, column in zip(axes, columns, strict=True):
+            on[machine.bus_of(axis).name].append(column)
+        made: list[DriveBus] = []
+        for bus in machine.buses:
+            # one without drives may have inputs and outputs
+            if not on[bus.name] and not nodes_on(machine, bus.name):
+                continue
+            if bus.kind == "can":
+                made.append(CanBus(machine, bus, on[bus.name]))
+                continue
+            opener = partial(_opened, openers.get(bus.kind), machine, bus)
+            made.append(CanBus(machine, bus, on[bus.name], opener=opener, delay_cycles=ETHERCAT_DELAY_CYCLES))
+        return made
 
     return make
-
-
-def _on_buses(
-    machine: Machine, axes: Sequence[Axis], columns: Sequence[int], openers: Mapping[str, BusOpener]
-) -> list[DriveBus]:
-    # an executor without such drives starts without their code
-    from mcserver.drives.can_bus import CanBus
-    from mcserver.drives.cia402.loop_gains import ETHERCAT_DELAY_CYCLES
-
-    on: dict[str, list[int]] = {bus.name: [] for bus in machine.buses}
-    for axis, column in zip(axes, columns, strict=True):
-        on[machine.bus_of(axis).name].append(column)
-    # those without drives may have inputs and outputs
-    wanted = [bus for bus in machine.buses if on[bus.name] or nodes_on(machine, bus.name)]
-    made: list[DriveBus] = []
-    for bus in wanted:
-        if bus.kind == "can":
-            made.append(CanBus(machine, bus, on[bus.name]))
-            continue
-        made.append(
-            CanBus(
-                machine,
-                bus,
-                on[bus.name],
-                opener=partial(_opened, openers.get(bus.kind), machine, bus),
-                delay_cycles=ETHERCAT_DELAY_CYCLES,
-            )
-        )
-    return made
 
 
 def _opened(opener: BusOpener | None, machine: Machine, bus: BusConfig, _address: str) -> CanPort:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
@@ -29,7 +28,6 @@ START_CYCLES = 2
 # Cycles after which what is left of a decayed error is set to zero, before it becomes denormal and slow.
 FLUSH_CYCLES = 256
 FLUSH_BELOW = 1e-15
-MAX_DELAY = 1000
 # Exchanges that a drive's own homing takes: the axis is at home where it stands, and its reading stays.
 HOMING_CYCLES = 20
 # A drive in velocity mode forgets what it could not reach beyond this time at the axis's speed limit [s].
@@ -42,7 +40,7 @@ STALL_CYCLES = 100
 class SimulatedBus:
     """All simulated drives of a machine, computed together.
 
-    Faults on demand: `jam`, `load`, `trip`, `silence`, `delay`; columns are the machine's.
+    Faults on demand: `jam`, `load`, `push`, `trip`, `silence`; columns are the machine's.
     """
 
     follows_exactly = False
@@ -82,8 +80,6 @@ class SimulatedBus:
         self._any_jammed = False
         self._mute = np.zeros(count, np.int64)
         self._any_mute = False
-        self._delay = 0
-        self._past: deque[tuple[Array, Array, Array]] = deque(maxlen=MAX_DELAY + 1)
         self._cycles = 0
         self._marks = SimulatedMarks(axes)
         self._loads = FlexibleLoads(axes, cycle_s)
@@ -137,7 +133,7 @@ class SimulatedBus:
     @property
     def foreseeable(self) -> bool:
         """Whether every axis follows its setpoints or stands, and nothing changes by itself."""
-        disturbed = self._any_jammed or self._any_mute or self._any_load or self._delay
+        disturbed = self._any_jammed or self._any_mute or self._any_load
         plain = self._simple and not (self._changing or self._loads.present)
         return plain and not (disturbed or self._marks.present or self._marks.stops)
 
@@ -201,12 +197,6 @@ class SimulatedBus:
         """Let a drive not answer for a number of cycles (None: for good; 0: answers again)."""
         self._mute[self.columns.index(column)] = -1 if cycles is None else cycles
         self._any_mute = bool((self._mute != 0).any())
-
-    def delay(self, cycles: int) -> None:
-        """Make the feedback of all drives late by a number of cycles."""
-        if not 0 <= cycles <= MAX_DELAY:
-            raise ValueError(f"a delay of {cycles} cycles is outside 0 … {MAX_DELAY}")
-        self._delay = cycles
 
     # ------------------------------------------------------------------ states
 
@@ -397,25 +387,23 @@ class SimulatedBus:
     def _report(self) -> None:
         feedback = self._feedback
         feedback.state[:] = self._true_state
-        if self._delay or self._any_mute:
-            self._report_badly()
+        if self._any_mute:
+            self._report_answering()
             return
         position, feedback.velocity[:] = self._measured()
         self._model.encoder(position, feedback.position)
         np.multiply(self._change, self._model.torque_per_step, out=feedback.torque)
 
-    def _report_badly(self) -> None:
+    def _report_answering(self) -> None:
+        """Report the drives that answer; what the others have said stays."""
         feedback = self._feedback
         position = np.empty_like(self._position)
         measured, velocity = self._measured()
         self._model.encoder(measured, position)
-        self._past.append((position, velocity.copy(), self._change * self._model.torque_per_step))
-        shown = self._past[max(0, len(self._past) - 1 - self._delay)]
         answering = self._mute == 0
-        for target, source in zip(
-            (feedback.position, feedback.velocity, feedback.torque), shown, strict=True
-        ):
-            np.copyto(target, source, where=answering)
+        np.copyto(feedback.position, position, where=answering)
+        np.copyto(feedback.velocity, velocity, where=answering)
+        np.copyto(feedback.torque, self._change * self._model.torque_per_step, where=answering)
         feedback.fresh[:] = answering
         self._mute[self._mute > 0] -= 1
         self._any_mute = bool((self._mute != 0).any()) or not answering.all()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from mcserver.canopen.desk import LEAST_LISTEN_S, Desk, MasterWatch
+from mcserver.canopen.desk import LEAST_LISTEN_S, Desk
 from mcserver.canopen.settings import DriveSettings
 from mcserver.ethercat.master import EthercatMaster
 from mcserver.ethercat.slave import EthercatSlave
@@ -13,17 +13,12 @@ from mcserver.ethercat.tap import refuse_other_master
 from mcserver.machine.bus_section import BusConfig
 
 
-class _NoWatch:
-    """A line has one master, which is this one: a second one is not told from it."""
-
-    def check(self) -> None: ...
-
-
 class EthercatDesk(Desk):
     """A drive's parameters by its mailbox, and the error counters of its slave controller."""
 
-    def __init__(self, drive: DriveSettings, slave: EthercatSlave, watch: MasterWatch) -> None:
-        super().__init__(drive, slave.sdo, watch)
+    def __init__(self, drive: DriveSettings, slave: EthercatSlave) -> None:
+        # a line has one master, which is this one: a second one is not told from it
+        super().__init__(drive, slave.sdo, lambda: None)
         self._slave = slave
 
     def line_errors(self) -> dict[str, list[int]]:
@@ -47,6 +42,6 @@ def at_ethercat_desk(drive: DriveSettings) -> Iterator[Desk]:
     try:
         master.find()
         (slave,) = master.slaves
-        yield EthercatDesk(drive, slave, _NoWatch())
+        yield EthercatDesk(drive, slave)
     finally:
         master.close()

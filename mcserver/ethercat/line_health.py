@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from mcserver.can.open import open_port
 from mcserver.can.pdo import ProcessData
-from mcserver.can.port import CanPort
+from mcserver.can.port import ListeningPort
 from mcserver.canopen.bus_report import bus_report
 from mcserver.canopen.coe import configure_coe
 from mcserver.canopen.cycle_samples import Signal
@@ -19,7 +19,7 @@ from mcserver.machine.machine_file import Machine
 LINE_BITRATE = 100e6
 
 
-def listen(machine: Machine, bus: str) -> CanPort:
+def listen(machine: Machine, bus: str) -> ListeningPort:
     """Open a bus for listening beside its master.
 
     Raises:

@@ -29,7 +29,7 @@ MAX_DRAINED = 512
 
 
 class LineTap:
-    """As `mcserver.can.port.CanPort`, for reading.
+    """As `mcserver.can.port.ListeningPort`: only its master sends on a line.
 
     Args:
         interfaces: of the master; the first one is where its frames go out.
@@ -42,8 +42,6 @@ class LineTap:
     Raises:
         RuntimeFault: MC424 an interface cannot be listened on.
     """
-
-    payload_offset = 0
 
     def __init__(self, interfaces: Sequence[str], slaves: Sequence[ProcessData]) -> None:
         self.counters = PortCounters()
@@ -66,17 +64,6 @@ class LineTap:
 
     def fileno(self) -> int:
         return self._socket.fileno()
-
-    def prepare(self, identifier: int, length: int) -> bytearray:  # noqa: ARG002
-        return bytearray(length)
-
-    def send_prepared(self, buffer: bytearray) -> bool:  # noqa: ARG002
-        # only its master sends on a line
-        self.counters.unsent += 1
-        return False
-
-    def send(self, identifier: int, payload: bytes) -> bool:  # noqa: ARG002
-        return self.send_prepared(bytearray(payload))
 
     def drain(self) -> list[Frame]:
         frames: list[Frame] = []

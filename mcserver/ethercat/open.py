@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import msgspec
 
+from mcserver.can.pdo_layout import STATUSWORD
 from mcserver.canopen.coe import ERROR_CODE
-from mcserver.canopen.process_data import STATUSWORD
 from mcserver.canopen.settings import settings_of
 from mcserver.ethercat.mailbox_relay import MailboxServer, SlaveState
 from mcserver.ethercat.master import EthercatMaster

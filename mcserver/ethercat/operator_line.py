@@ -10,7 +10,7 @@ from typing import cast
 import msgspec
 
 from mcserver.can.pdo import ProcessData
-from mcserver.can.port import CanPort
+from mcserver.can.port import ListeningPort
 from mcserver.canopen.bus_scan import said_by
 from mcserver.canopen.coe import configure_coe
 from mcserver.canopen.cycle_samples import Signal
@@ -89,7 +89,7 @@ class OperatorLine:
         file = machine_file("machine", address, nodes, "ethercat")
         return BusScan(bus, address, nodes, file, "ethercat")
 
-    def listen(self, bus: str) -> CanPort:
+    def listen(self, bus: str) -> ListeningPort:
         """As the function."""
         return listen(self.machine, bus)
 

@@ -10,8 +10,8 @@ from types import MappingProxyType
 from typing import Any
 
 from mcserver.can.pdo import ProcessData
-from mcserver.canopen.abort_codes import abort_remedy, abort_text
-from mcserver.canopen.canopen_errors import DriveError, object_text
+from mcserver.canopen.abort_codes import refused, unanswered
+from mcserver.canopen.canopen_errors import DriveError
 from mcserver.canopen.coe import SYNC_TYPE
 from mcserver.canopen.node import Identity, NodeAxis
 from mcserver.canopen.sdo_write import SdoWrite
@@ -102,7 +102,7 @@ class MailboxSdo:
             except line_errors() as error:
                 abort = getattr(error, "abort_code", None)
                 if abort:
-                    raise self._refused(index, subindex, "read", abort) from None
+                    raise refused(self._settings, index, subindex, "read", abort) from None
                 size = MOST_BYTES
                 if not left:
                     raise self._silent(index, subindex, "read", error) from None
@@ -131,7 +131,7 @@ class MailboxSdo:
             except line_errors() as error:
                 abort = getattr(error, "abort_code", None)
                 if abort:
-                    raise self._refused(index, subindex, "written", abort) from None
+                    raise refused(self._settings, index, subindex, "written", abort) from None
                 if index in STORING or not left:
                     raise self._silent(index, subindex, "written", error) from None
                 if self.upload(index, subindex) == payload:
@@ -141,25 +141,14 @@ class MailboxSdo:
     def _answer_us(seconds: float) -> int:
         return round(1e6 * max(LEAST_ANSWER_S, seconds))
 
-    def _refused(self, index: int, subindex: int, verb: str, abort: int) -> DriveError:
-        return self._settings.fault(
-            "MC553",
-            f"{object_text(index, subindex)} cannot be {verb}: {abort_text(abort)}",
-            abort_remedy(abort),
-            index=index,
-            subindex=subindex,
-            abort_code=abort,
-        )
-
     def _silent(self, index: int, subindex: int, verb: str, error: Exception) -> DriveError:
         shown = getattr(error, "desc", "") or str(error) or type(error).__name__
-        why = f"no answer by the mailbox ({shown})"
-        return self._settings.fault(
-            "MC554",
-            f"{object_text(index, subindex)} could not be {verb}: {why}",
+        return unanswered(
+            self._settings,
+            index,
+            subindex,
+            f"could not be {verb}: no answer by the mailbox ({shown})",
             "check the drive's power and the cable in front of it",
-            index=index,
-            subindex=subindex,
         )
 
 

@@ -194,18 +194,9 @@ def _doubts_of_bus(machine: Machine, axis: Axis) -> list[Diagnostic]:
     doubts = []
     bus = machine.bus_of(axis)
     ethercat = bus.kind == "ethercat"
-    for module in ("canopen", "can", *(("pysoem",) if ethercat else ())):
-        if importlib.util.find_spec(module) is None:
-            doubts.append(
-                _warning(
-                    "MC022",
-                    axis,
-                    f"a {drive.kind} drive needs the package {module}",
-                    "pip install 'mcserver[ethercat]'"
-                    if module == "pysoem"
-                    else "pip install canopen python-can",
-                )
-            )
+    if ethercat and importlib.util.find_spec("pysoem") is None:
+        what = f"a {drive.kind} drive needs the package pysoem"
+        doubts.append(_warning("MC022", axis, what, "pip install 'mcserver[ethercat]'"))
     address = None if ethercat else parse_address(bus.address)
     interfaces = (bus.address, bus.redundant_interface) if address is None else (address.channel,)
     local = address is None or address.transport is Transport.SOCKETCAN

@@ -6,7 +6,7 @@ import asyncio
 import threading
 from collections.abc import Awaitable, Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import TypeVar
+from typing import TypeVar, cast
 
 from mcclient import Machine, MotionError
 from mcclient.types import DriveParameters, SdoReply
@@ -15,6 +15,7 @@ from mcserver.canopen.canopen_errors import DriveError, Stopped
 from mcserver.canopen.desk import Desk
 from mcserver.canopen.parameters import Parameter
 from mcserver.canopen.settings import DriveSettings
+from mcserver.canopen.views import SdoType
 from mcserver.web.link import MachineLink
 
 T = TypeVar("T")
@@ -116,7 +117,7 @@ class DeskThread:
 
         def at_desk() -> T:
             self._sdo = sdo
-            return work(Desk(settings, sdo, self))
+            return work(Desk(settings, sdo, self.check))
 
         self._stopping.clear()
         self._busy += 1
@@ -143,6 +144,8 @@ class DeskThread:
 def parameters_from(drive: DriveParameters) -> Sequence[Parameter]:
     """Return the parameters that a server has listed, as `mcserver.canopen.parameters.parameters_of`."""
     return [
-        Parameter(each.index, each.subindex, each.name, each.type, each.access, each.low, each.high)
+        Parameter(
+            each.index, each.subindex, each.name, cast(SdoType, each.type), each.access, each.low, each.high
+        )
         for each in drive.parameters
     ]

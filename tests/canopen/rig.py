@@ -12,23 +12,20 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from mcserver.can.hub import Hub
-from mcserver.canopen.boot import BootTimes
 from mcserver.canopen.drive_events import CanopenEvent
 from mcserver.canopen.service import CanopenService
-from mcserver.canopen.service_bus import ServiceTimes
-from mcserver.canopen.settings import SdoTimes
 from mcserver.cli.app import run_command_line
 from mcserver.machine.machine_file import Machine, parse_machine
+from tests.can.hubs import LIMIT_S
+from tests.can.hubs import wait_until as wait_until
 from tests.canopen.fake_drives import FakeDrives
 from tests.machine_text import axes_text
 
-LIMIT_S = 20.0
 # Answers on the loopback take a millisecond; a test that waits for none should not wait long.
-TIMES = ServiceTimes(
-    sdo=SdoTimes(response_s=0.5, attempts=2), boot=BootTimes(appear_s=3.0, start_s=2.0), listen_s=0.0
-)
+IMPATIENT = {"listen_ms": 0, "appear_timeout_s": 3.0}
 
 
 class RunningHub:
@@ -67,13 +64,19 @@ class Watched:
     def start(
         self,
         machine: Machine,
-        times: ServiceTimes = TIMES,
         stopping: Callable[[], bool] = lambda: False,
         *,
         take_over: bool = False,
+        **keys: Any,
     ) -> CanopenService:
+        """Boot a machine's drives; ``keys``: of its buses, in the place of those that do not wait long."""
+        buses = tuple(replace(bus, **(IMPATIENT | keys)) for bus in machine.buses)
         service = CanopenService.start(
-            machine, self.events.put, self.sentences.append, times, stopping=stopping, take_over=take_over
+            replace(machine, buses=buses),
+            self.events.put,
+            self.sentences.append,
+            stopping=stopping,
+            take_over=take_over,
         )
         self.services.append(service)
         return service
@@ -145,15 +148,6 @@ def machine_on(
         f'[machine]\nname = "m"\ncycle_hz = {cycle_hz}\n'
         f'[[bus]]\nname = "left"\naddress = "{address}"\n{bus}\n{axes}'
     )
-
-
-def wait_until(holds: Callable[[], bool], what: str) -> None:
-    """Waits for a state that another thread brings about, and fails with a name for it."""
-    pause = threading.Event()
-    deadline = time.monotonic() + LIMIT_S
-    while not holds():
-        assert time.monotonic() < deadline, f"not within {LIMIT_S:g} s: {what}"
-        pause.wait(0.005)
 
 
 def machine_file(folder: Path, hub: RunningHub, nodes: Sequence[int] = (3,), keys: str = "") -> str:

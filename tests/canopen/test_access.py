@@ -12,12 +12,10 @@ import pytest
 from mcserver.can.cob import SYNC, Function
 from mcserver.canopen.access import MAX_WAITING, OperatorAccess
 from mcserver.canopen.canopen_errors import DriveError
-from mcserver.canopen.service_bus import ServiceTimes
-from mcserver.canopen.settings import SdoTimes
 from mcserver.canopen.views import SdoTarget
 from mcserver.errors import RuntimeFault, UsageFault
 from tests.canopen.fake_drives import PRODUCT, VENDOR, FakeDrives
-from tests.canopen.rig import TIMES, RunningHub, Watched, machine_on, wait_until
+from tests.canopen.rig import RunningHub, Watched, machine_on, wait_until
 
 
 @pytest.fixture
@@ -184,8 +182,8 @@ async def test_the_loop_runs_on_while_a_drive_is_silent(access: OperatorAccess, 
 async def test_too_many_transfers_at_once_are_refused(
     hub: RunningHub, drives: FakeDrives, watched: Watched
 ) -> None:
-    times = ServiceTimes(sdo=SdoTimes(response_s=0.1, attempts=1), boot=TIMES.boot)
-    service = await asyncio.to_thread(watched.start, machine_on(hub.address(), [1]), times)
+    machine = machine_on(hub.address(), [1], "sdo_timeout_ms = 100\nsdo_tries = 1")
+    service = await asyncio.to_thread(watched.start, machine)
     access = OperatorAccess(service)
     drives[1].unanswered[0x6041, 0] = 99
     results = await asyncio.gather(

@@ -9,14 +9,12 @@ import pytest
 from msgspec.structs import replace
 
 from mcserver.can.cob import Function, NmtState
-from mcserver.canopen.boot import BootTimes
 from mcserver.canopen.canopen_errors import DriveError, Stopped
 from mcserver.canopen.node import Phase
-from mcserver.canopen.service_bus import ServiceTimes
 from mcserver.errors import RuntimeFault
 from mcserver.machine.machine_file import Machine
 from tests.canopen.fake_drives import PRODUCT, VENDOR, FakeDrives
-from tests.canopen.rig import TIMES, BusCell, RunningHub, Watched, machine_on, wait_until
+from tests.canopen.rig import BusCell, RunningHub, Watched, machine_on, wait_until
 
 Make = Callable[..., FakeDrives]
 
@@ -138,11 +136,8 @@ def test_a_device_without_heartbeat_of_which_one_is_wanted_is_refused_with_the_k
 
 def test_how_long_a_node_may_take_to_appear_is_a_key_of_its_bus(cell: BusCell) -> None:
     cell.make_drives(1)
-    machine = machine_on(cell.hub.address(), [9])
-    bus = replace(machine.buses[0], appear_timeout_s=0.2)
-    times = ServiceTimes(TIMES.sdo, BootTimes(start_s=2.0), TIMES.listen_s)
     with pytest.raises(DriveError, match=r"MC550.*within 0\.2 s"):
-        cell.watched.start(replace(machine, buses=(bus,)), times)
+        cell.watched.start(machine_on(cell.hub.address(), [9]), appear_timeout_s=0.2)
 
 
 def test_a_lost_answer_is_asked_for_again(cell: BusCell) -> None:
@@ -256,7 +251,7 @@ def test_a_stop_ends_the_waiting_for_nodes(hub: RunningHub, watched: Watched) ->
         return True
 
     with pytest.raises(Stopped):
-        watched.start(machine, TIMES, stopping)
+        watched.start(machine, stopping)
     assert asked.is_set()
     assert [each.name for each in threading.enumerate() if each.name.startswith("canopen")] == []
 

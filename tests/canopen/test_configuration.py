@@ -65,7 +65,7 @@ def test_with_torques_the_mapping_is_that_of_the_layout(pdo: Pdo) -> None:
     first, bit30 = (0x1600, 0) if pdo in (RPDO1, RPDO2) else (0x1A00, 1 << 30)
     found = writes(with_(torque=True))
     mapping = of(first + pdo.number - 1, found)
-    entries = [entry.index << 16 | entry.subindex << 8 | entry.bits for entry in pdo.entries]
+    entries = [mapped.word for mapped in pdo.objects]
     assert mapping == [(0, 0), *enumerate(entries, 1), (0, len(entries))]
     last = of(first - 0x200 + pdo.number - 1, found)[-1]
     assert last[1] & 0x8000_0000 == 0
@@ -213,8 +213,8 @@ def test_a_pdo_that_is_fixed_is_taken_where_it_is_the_right_one(what: str) -> No
     with pytest.raises(ConfigurationError, match=r"MC552.*1600h:00.*RPDOs cannot be mapped"):
         writes(dictionary=dictionary)
     mapping[0].default = 3
-    for at, entry in enumerate(RPDO1.entries, 1):
-        mapping[at].default = entry.index << 16 | entry.subindex << 8 | entry.bits
+    for at, entry in enumerate(RPDO1.objects, 1):
+        mapping[at].default = entry.word
     found = [write for write in writes(dictionary=dictionary) if write.index == 0x1600]
     assert found
     assert all(write.verify for write in found)

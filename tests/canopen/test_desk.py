@@ -61,9 +61,9 @@ def dictionary_of_eds() -> Any:
 
 def test_parameters_have_the_names_types_access_and_limits_of_the_eds() -> None:
     gain, lower, upper, torque = parameters_of(dictionary_of_eds())
-    assert (gain.title, gain.kind, gain.low, gain.high) == ("2000h:00 Gain", "i16", -5, 100)
+    assert (gain.title, gain.type, gain.low, gain.high) == ("2000h:00 Gain", "i16", -5, 100)
     assert [each.title for each in (lower, upper)] == ["2001h:01 Limits.Lower", "2001h:02 Limits.Upper"]
-    assert (upper.kind, torque.writable) == ("f32", False)
+    assert (upper.type, torque.writable) == ("f32", False)
 
 
 @pytest.mark.parametrize(

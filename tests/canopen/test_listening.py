@@ -8,18 +8,13 @@ import pytest
 
 from mcserver.can.cob import Function, NmtState
 from mcserver.can.port import EXTENDED
-from mcserver.canopen.boot import BootTimes
 from mcserver.canopen.listening import Listening, refuse_other_masters, sign_of_master
-from mcserver.canopen.service_bus import ServiceTimes
-from mcserver.canopen.settings import SdoTimes
 from mcserver.errors import RuntimeFault
 from tests.canopen.fake_drives import FakeDrives
 from tests.canopen.rig import BusCell, Watched, machine_on
 from tests.drives.fake_can import FakeBus
 
 Make = Callable[..., FakeDrives]
-LISTENS = ServiceTimes(SdoTimes(0.5, 2), BootTimes(appear_s=3.0, start_s=2.0), listen_s=0.05)
-PATIENT = ServiceTimes(SdoTimes(0.5, 2), BootTimes(appear_s=3.0, start_s=2.0), listen_s=20.0)
 
 
 def listening(port: FakeBus, *, foreign_sync: bool = False) -> Listening:
@@ -64,7 +59,7 @@ def test_a_server_does_not_reset_the_nodes_of_another_one(cell: BusCell) -> None
     drives, _ = cell.booted(1)
     resets = drives[1].resets
     with pytest.raises(RuntimeFault, match=r"MC560.*bus left: the heartbeat of node 127"):
-        Watched().start(machine_on(cell.hub.address(), [1]), PATIENT)
+        Watched().start(machine_on(cell.hub.address(), [1]), listen_ms=20_000)
     assert drives[1].resets == resets
     assert drives[1].state is NmtState.OPERATIONAL
 
@@ -72,7 +67,7 @@ def test_a_server_does_not_reset_the_nodes_of_another_one(cell: BusCell) -> None
 def test_to_take_over_resets_them_and_the_first_server_tells_of_the_second(cell: BusCell) -> None:
     drives, _ = cell.booted(1)
     other = Watched()
-    other.start(machine_on(cell.hub.address(), [1]), LISTENS, take_over=True)
+    other.start(machine_on(cell.hub.address(), [1]), listen_ms=50, take_over=True)
     try:
         assert drives[1].resets >= 2
         event = cell.watched.expect("bus.foreign_master")
@@ -85,5 +80,5 @@ def test_to_take_over_resets_them_and_the_first_server_tells_of_the_second(cell:
 def test_a_silent_bus_is_taken(cell: BusCell) -> None:
     drives = cell.make_drives(1)
     drives.send(Function.HEARTBEAT + 1, bytes((NmtState.OPERATIONAL,)))
-    cell.watched.start(machine_on(cell.hub.address(), [1]), LISTENS)
+    cell.watched.start(machine_on(cell.hub.address(), [1]), listen_ms=50)
     assert drives[1].state is NmtState.OPERATIONAL

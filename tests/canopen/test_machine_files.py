@@ -228,22 +228,3 @@ def test_a_machine_without_can_needs_none_of_its_packages() -> None:
         [sys.executable, "-c", looked], cwd=ROOT, capture_output=True, text=True, check=True, timeout=60
     )
     assert done.stdout == "set()\n"
-
-
-def test_missing_packages_are_named_with_the_command_that_brings_them(
-    hub: RunningHub, tmp_path: Path
-) -> None:
-    file = tmp_path / "machine.toml"
-    file.write_text(rotary_axis_on(hub.address()))
-    without = "import sys; sys.modules['canopen'] = None; from mcserver.cli.app import main; main()"
-    done = subprocess.run(
-        [sys.executable, "-c", without, "run", "--machine", str(file), "--listen", "tcp/127.0.0.1:0"],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=60,
-    )
-    assert done.returncode == 3
-    assert "error[MC016]" in done.stderr
-    assert "pip install canopen python-can" in done.stderr

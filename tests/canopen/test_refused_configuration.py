@@ -7,7 +7,7 @@ from typing import cast
 
 import pytest
 
-from mcserver.canopen.abort_codes import ABSENT, OUT_OF_RANGE, UNMAPPABLE, abort_remedy, abort_text
+from mcserver.canopen.abort_codes import ABSENT, OUT_OF_RANGE, UNMAPPABLE, abort_text, refused
 from mcserver.canopen.canopen_errors import DriveError, object_text
 from mcserver.canopen.configuration import configure
 from mcserver.canopen.dictionary import generic_dictionary
@@ -16,7 +16,7 @@ from mcserver.canopen.node import Node, NodeAxis
 from mcserver.canopen.node_configuration import configure_node
 from mcserver.canopen.sdo import NodeSdo
 from mcserver.canopen.sdo_write import SdoWrite
-from mcserver.canopen.settings import settings_of
+from mcserver.canopen.settings import DriveSettings, settings_of
 from tests.canopen.rig import machine_on
 
 MODES = {
@@ -52,14 +52,8 @@ class RefusingSdo:
     def download(self, index: int, subindex: int, payload: bytes, *, attempts: int = 0) -> None:
         del attempts
         if len(self.written) >= self._after and (index, subindex) == self._place:
-            raise DriveError(
-                "MC553",
-                f"{object_text(index, subindex)} cannot be written: {abort_text(self._code)}",
-                abort_remedy(self._code),
-                axis=0,
-                index=index,
-                subindex=subindex,
-                abort_code=self._code,
+            raise refused(
+                DriveSettings(0, "cia402", "left", "can0", 1), index, subindex, "written", self._code
             )
         self.written.append((index, subindex, payload))
 
@@ -99,9 +93,9 @@ def test_each_step_that_is_refused_is_named_with_a_remedy_or_done_without_and_sa
             assert any(place in remark for remark in node.remarks), (place, node.remarks)
             assert not write.spare_pdo or node.dropped == {write.spare_pdo}
         else:
-            with pytest.raises(DriveError) as refused:
+            with pytest.raises(DriveError) as caught:
                 configure_node(node, sdo, writes, lambda: None)
-            error = refused.value
+            error = caught.value
             assert (error.code, error.axis) == ("MC553", 0)
             assert place in error.message
             assert write.what in error.message

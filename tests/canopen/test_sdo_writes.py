@@ -10,11 +10,11 @@ import pytest
 from mcserver.canopen.canopen_errors import DriveError
 from mcserver.canopen.network import PortNetwork
 from mcserver.canopen.sdo import NodeSdo
-from mcserver.canopen.settings import SdoTimes
+from mcserver.canopen.settings import DriveSettings, SdoTimes
 from tests.canopen.fake_drives import FakeDrives
 
 WORKING = 0x2000
-TIMES = SdoTimes(response_s=0.1, attempts=3, store_s=0.3)
+DRIVE = DriveSettings(0, "cia402", "left", "", 1, sdo=SdoTimes(response_s=0.1, attempts=3, store_s=0.3))
 
 
 @pytest.fixture
@@ -24,7 +24,7 @@ def drives(make_drives: Callable[..., FakeDrives]) -> FakeDrives:
 
 @pytest.fixture
 def sdo(network: PortNetwork) -> NodeSdo:
-    return NodeSdo(network, 1, "axis 0, node 1 on left", 0, TIMES)
+    return NodeSdo(network, DRIVE)
 
 
 def written(drives: FakeDrives, index: int) -> int:
@@ -63,8 +63,7 @@ def test_a_store_has_a_time_of_its_own_and_is_never_repeated(
     network: PortNetwork, drives: FakeDrives
 ) -> None:
     # far above the time that the store takes: a busy computer adds to that
-    times = replace(TIMES, store_s=1.5)
-    sdo = NodeSdo(network, 1, "axis 0, node 1 on left", 0, times)
+    sdo = NodeSdo(network, replace(DRIVE, sdo=replace(DRIVE.sdo, store_s=1.5)))
     drives[1].slow[0x1010, 1] = 0.2
     sdo.download(0x1010, 1, b"save")
     assert written(drives, 0x1010) == 1

@@ -15,10 +15,9 @@ import pytest
 from mcclient.sync import Machine as Client
 
 from mcserver.canopen.service import CanopenService
-from mcserver.canopen.service_bus import ServiceTimes
 from mcserver.drive_sim.control import Control
 from mcserver.machine.machine_file import load_machine
-from tests.canopen.rig import TIMES, RunningHub, Watched, wait_until
+from tests.canopen.rig import RunningHub, Watched, wait_until
 from tests.e2e.servers import ServerProcess, environment
 from tests.machine_text import axes_text
 
@@ -95,8 +94,8 @@ def simulation(shared: Simulation) -> Iterator[Simulation]:
 
 @pytest.fixture
 def start(simulation: Simulation, watched: Watched) -> Callable[..., CanopenService]:
-    def begin(times: ServiceTimes = TIMES) -> CanopenService:
-        return watched.start(load_machine(str(simulation.file)), times)
+    def begin() -> CanopenService:
+        return watched.start(load_machine(str(simulation.file)))
 
     return begin
 

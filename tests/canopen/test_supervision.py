@@ -5,8 +5,6 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-import pytest
-
 from mcserver.can.cob import NMT, Function, NmtState
 from mcserver.canopen.network import PortNetwork
 from mcserver.canopen.node import MAX_EMERGENCIES, Phase
@@ -166,21 +164,6 @@ def test_a_handler_that_raises_does_not_stop_the_bus(cell: BusCell) -> None:
     network.handle(0x555, broken)
     drives.send(0x555, b"x")
     wait_until(lambda: network.failures == 1, "the handler was called")
-    drives.send(Function.EMCY + 1, bytes.fromhex("5081000000000000"))
-    cell.watched.expect("drive.emergency")
-
-
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
-def test_a_dead_thread_is_started_again(cell: BusCell) -> None:
-    drives, service = cell.booted(1)
-    bus = service.buses[0]
-
-    def fatal(_payload: bytes) -> None:
-        raise SystemExit
-
-    bus._network.handle(0x555, fatal)
-    drives.send(0x555, b"x")
-    wait_until(lambda: bus.restarts == 1, "the thread was started again")
     drives.send(Function.EMCY + 1, bytes.fromhex("5081000000000000"))
     cell.watched.expect("drive.emergency")
 

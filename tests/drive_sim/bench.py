@@ -103,10 +103,9 @@ class Bench:
         index = communication + pdo.number - 1
         self.write(index, 1, "I", identifier | INVALID)
         self.write(index + 0x200, 0, "B", 0)
-        for subindex, entry in enumerate(pdo.entries, start=1):
-            value = entry.index << 16 | entry.subindex << 8 | entry.bits
-            self.write(index + 0x200, subindex, "I", value)
-        self.write(index + 0x200, 0, "B", len(pdo.entries))
+        for subindex, entry in enumerate(pdo.objects, start=1):
+            self.write(index + 0x200, subindex, "I", entry.word)
+        self.write(index + 0x200, 0, "B", len(pdo.objects))
         self.write(index, 2, "B", pdo.transmission)
         self.write(index, 1, "I", identifier)
 

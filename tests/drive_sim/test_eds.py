@@ -61,7 +61,7 @@ def test_the_process_data_of_the_master_can_be_mapped() -> None:
     store = ObjectStore(5)
     for pdos, incoming in (((RPDO1, RPDO2), True), ((TPDO1, TPDO2), False)):
         for pdo in pdos:
-            for wanted in pdo.entries:
+            for wanted in pdo.objects:
                 entry = store.entry(wanted.index, wanted.subindex)
                 assert entry.bits == wanted.bits
                 assert entry.mappable_in if incoming else entry.mappable_out

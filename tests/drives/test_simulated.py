@@ -220,18 +220,6 @@ def test_a_silenced_drive_keeps_its_old_answer() -> None:
     assert fresh == [False, False, True, True]
 
 
-def test_delayed_feedback_is_old_by_as_many_cycles() -> None:
-    prompt, late = Bench(), Bench()
-    late.bus.delay(3)
-    shown, expected = [], []
-    for step in range(60):
-        for bench in (prompt, late):
-            bench.exchange(DriveMode.POSITION, 1e-5 * step, 0.01)
-        expected.append(prompt.position)
-        shown.append(late.position)
-    assert shown[20:] == expected[17:-3]
-
-
 def test_a_machine_may_mix_ideal_and_simulated_drives() -> None:
     text = '[machine]\nname = "m"\n'
     for index, kind in enumerate(("ideal", "simulated", "ideal")):

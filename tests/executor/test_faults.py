@@ -101,13 +101,6 @@ def test_a_drive_that_is_silent_for_two_cycles_only_is_no_fault() -> None:
     assert not rig.of(EventKind.FAULT)
 
 
-def test_feedback_that_is_late_by_a_few_cycles_is_borne() -> None:
-    rig, bus = moving()
-    bus.delay(3)
-    rig.run()
-    assert not rig.of(EventKind.FAULT)
-
-
 def test_a_fault_of_one_program_leaves_the_others_running() -> None:
     rig = Rig(machine(3, drive="simulated", axis="max_following_error = 2.0"))
     rig.play()

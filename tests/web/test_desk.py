@@ -44,13 +44,13 @@ class Filling:
 )
 def test_a_text_is_what_was_written_whatever_zeros_a_drive_puts_behind_it(kind: str, text: str) -> None:
     name = Parameter(0x2000, 0, "Name", kind, "rw")
-    desk = Desk(DriveSettings(0, "cia402", "can0", "", 1), Filling(), SimpleNamespace(check=lambda: None))
+    desk = Desk(DriveSettings(0, "cia402", "can0", "", 1), Filling(), lambda: None)
     assert desk.write(name, text).value == text
 
 
 def test_bytes_that_are_no_text_are_shown_as_bytes_and_in_no_backup() -> None:
     name, sdo = Parameter(0x2000, 0, "Name", "utf16", "rw"), Filling()
-    desk = Desk(DriveSettings(0, "cia402", "can0", "", 1), sdo, SimpleNamespace(check=lambda: None))
+    desk = Desk(DriveSettings(0, "cia402", "can0", "", 1), sdo, lambda: None)
     sdo.objects |= {(0x1018, at): bytes(4) for at in (1, 2, 3, 4)}
     sdo.objects[0x2000, 0] = b"\x00\xd8\x41"
     assert desk.read(name).value == "00 d8 41"

@@ -501,17 +501,18 @@ class AxisTravel:
 
 @dataclass(frozen=True, slots=True)
 class NodeHealth:
-    """One node while it was listened to.
+    """Frames of a node that were counted while a bus was listened to.
 
     Attributes:
-        state: NMT state of its last heartbeat; empty: none came.
-        heartbeats: that came.
-        longest_gap_s: between two of them, by this computer's clock.
-        readings: process data that it sent at SYNC.
-        late: those that came after the next SYNC.
-        lost: those that never came.
-        boot_ups: times it started.
-        emergencies: the last ones, in words.
+        axes: numbers of the machine's axes that the node has.
+        state: NMT state in the last heartbeat; empty: none came.
+        heartbeats: number of heartbeats.
+        longest_gap_s: longest time between two of them, by this computer's clock [s].
+        readings: number of TPDOs that the node sends at SYNC.
+        late: number of those that came after the next SYNC.
+        lost: number of those that never came.
+        boot_ups: number of its boot-up messages.
+        emergencies: its last emergency messages in words.
     """
 
     node: int
@@ -528,15 +529,16 @@ class NodeHealth:
 
 @dataclass(frozen=True, slots=True)
 class BusCounts:
-    """One bus while it was listened to.
+    """Frames that were counted while a bus was listened to.
 
     Attributes:
-        duration_s: of that.
-        frames: that came.
-        load: of the bit rate [1], each frame with the most stuff bits.
-        syncs: SYNCs.
-        longest_sync_gap_s: between two of them, by this computer's clock.
-        strangers: COB-IDs that belong to no node of the machine file, with how many frames came.
+        duration_s: how long the bus was listened to [s].
+        frames: number of all frames.
+        load: share of the bit rate that they took [1], each counted with the most stuff bits that it can
+            have.
+        syncs: number of SYNCs.
+        longest_sync_gap_s: longest time between two of them, by this computer's clock [s].
+        strangers: number of frames by COB-ID, of COB-IDs that belong to no node of the machine file.
     """
 
     duration_s: float
@@ -550,14 +552,15 @@ class BusCounts:
 
 @dataclass(frozen=True, slots=True)
 class BusHealth:
-    """One bus that was listened to, beside whoever is its master.
+    """Result of listening to a bus beside its master.
 
     Attributes:
-        counts: of frames; a node of EtherCAT is a position on the line.
-        master: by what another master was noticed; empty: none was.
-        error_frames: errors and malformed packets that this computer's interface has seen, on EtherCAT
+        counts: numbers of frames; on EtherCAT a node is a position on the line.
+        master: the sign by which a master was noticed; empty: none was.
+        error_frames: number of errors and malformed packets at this computer's interface, on EtherCAT of
             frames with a wrong working counter.
-        following_errors: by axis, the greatest between setpoint and encoder on the bus [mm, deg].
+        following_errors: greatest following error by axis, between setpoint and encoder on the bus [mm,
+            deg].
     """
 
     bus: str
@@ -569,18 +572,23 @@ class BusHealth:
 
 @dataclass(frozen=True, slots=True)
 class ScannedNode:
-    """One node that answers on a bus.
+    """A node that answers on a bus.
 
     Attributes:
-        node: on EtherCAT the position.
-        profile: of 1000h
+        node: node number; on EtherCAT the position on the line.
+        profile: number of the device profile, from 1000h.
         what: the same in words.
-        modes: of 6502h. vendor_id … serial: 1018h; None: it does not say.
-        axis: of the running machine, whose drive it is.
-        eds: a file that is its by vendor and product.
-        objects: what else it says of itself, by object, such as ``"6091:1"``: encoder (608Fh), gear
-            (6091h), feed (6092h), rated torque (6076h [mN·m]), greatest speed of the motor (6080h
-            [1/min]), travel (607Dh).
+        vendor_id: identity 1018h; None: the node did not give it.
+        product_code: identity 1018h; None: the node did not give it.
+        revision: identity 1018h; None: the node did not give it.
+        serial: identity 1018h; None: the node did not give it.
+        modes: modes of operation that 6502h lists.
+        axis: axis of the running machine that this drive moves; None: no axis has it.
+        eds: path of the EDS file in the machine file, or of one with this vendor and product; empty: none
+            was found.
+        objects: values of further objects, by keys such as ``"6091:1"``: encoder (608Fh), gear (6091h),
+            feed (6092h), rated torque (6076h [mN·m]), greatest motor speed (6080h [1/min]), travel limits
+            (607Dh).
     """
 
     node: int
@@ -598,9 +606,11 @@ class ScannedNode:
 
 @dataclass(frozen=True, slots=True)
 class BusScan:
-    """Who is on one bus; ``machine_file``: one to start from.
+    """The nodes that answer on a bus.
 
-    ``fieldbus``: kind of the bus.
+    Attributes:
+        machine_file: text of a machine file with these drives, to start from.
+        fieldbus: kind of the bus.
     """
 
     bus: str
@@ -849,7 +859,13 @@ class Done:
 
 @dataclass(frozen=True, slots=True)
 class MonitoredValue:
-    """One object that the machine file shows in telemetry (``monitor``); value None: none has come."""
+    """A value of a drive: of an object that ``monitor`` in the machine file names, or of its own telemetry.
+
+    Attributes:
+        value: the newest one; None: none has come yet.
+        index: the object; index 0: it is telemetry.
+        subindex: the object; index 0: it is telemetry.
+    """
 
     name: str
     value: Value | None
@@ -859,25 +875,26 @@ class MonitoredValue:
 
 @dataclass(frozen=True, slots=True)
 class DriveInfo:
-    """One drive on a bus.
+    """A drive on a bus and its state.
 
     Attributes:
-        node: on EtherCAT its position.
-        state: what the server takes it for.
-        nmt: what its last heartbeat said, on EtherCAT its AL state; empty: none has come.
-        heartbeat_age_s: since its last sign of life [s].
-        statusword: 6041h, or the fault bits of a drive that streams telemetry.
+        node: node number; on EtherCAT the position on the line.
+        state: state of the drive in the server's supervision.
+        nmt: NMT state in the last heartbeat, on EtherCAT the AL state; empty: no heartbeat has come yet.
+        heartbeat_age_s: time since the last sign of life [s]; None: none has come yet.
+        statusword: 6041h; of a drive that streams telemetry its fault bits.
         status: the same in words.
-        device_type: 1000h, 1018h:01, 1018h:02.
-        vendor_id: 1000h, 1018h:01, 1018h:02.
-        product_code: 1000h, 1018h:01, 1018h:02.
-        emergency: its last emergency message in words, on EtherCAT what 603Fh says
-        emergency_code: of that.
-        emergency_age_s: of that.
-        boot_ups: how often it has started since the server did.
-        message: why its configuration failed.
-        monitor: what the machine file wants to see of it, newest values.
-        fieldbus: kind of its bus.
+        device_type: objects 1000h, 1018h:01 and 1018h:02.
+        vendor_id: objects 1000h, 1018h:01 and 1018h:02.
+        product_code: objects 1000h, 1018h:01 and 1018h:02.
+        emergency: the last emergency message in words, on EtherCAT the error code 603Fh.
+        emergency_code: its error code.
+        emergency_age_s: time since it came [s].
+        boot_ups: number of the drive's starts since the server started.
+        message: why the last configuration failed.
+        monitor: newest values of its telemetry, and of objects that ``monitor`` in the machine file
+            names.
+        fieldbus: kind of the bus.
     """
 
     axis: int
@@ -903,14 +920,14 @@ class DriveInfo:
 
 @dataclass(frozen=True, slots=True)
 class ParameterInfo:
-    """One object of a drive's dictionary, as its EDS has it.
+    """An object of a drive, as its EDS describes it.
 
     Attributes:
-        name: members behind their record: ``Gear ratio.Motor revolutions``.
-        type: by which it is read.
+        name: name in the EDS; a member's follows that of its record: ``Gear ratio.Motor revolutions``.
+        type: data type.
         access: ro, wo, rw, rwr, rww or const.
-        low: limits of the EDS; None: only those of the type.
-        high: limits of the EDS; None: only those of the type.
+        low: limits in the EDS; None: the limits of the type.
+        high: limits in the EDS; None: the limits of the type.
     """
 
     index: int
@@ -924,14 +941,15 @@ class ParameterInfo:
 
 @dataclass(frozen=True, slots=True)
 class DriveParameters:
-    """What a drive's dictionary has of one axis.
+    """The objects of a drive, of one axis of its node.
 
     Attributes:
-        node: on EtherCAT its position.
-        node_axis: which axis of its node it is.
-        eds_sha256: of its EDS; empty: there is none, and these are the standard's objects.
-        unreadable: entries of the EDS that make no sense, each with why.
-        fieldbus: kind of its bus.
+        node: node number; on EtherCAT the position on the line.
+        node_axis: number of the axis among those of its node, from 0.
+        eds_sha256: digest of the drive's EDS; empty: it has none, and the objects are those of the
+            standard.
+        unreadable: entries of the EDS that cannot be read, each with the reason.
+        fieldbus: kind of the bus.
     """
 
     axis: int
@@ -946,12 +964,12 @@ class DriveParameters:
 
 @dataclass(frozen=True, slots=True)
 class ScopeSignal:
-    """What one object had in each cycle.
+    """Values of an object in each cycle.
 
     Attributes:
-        object: such as ``6064h:00``; empty: it is computed.
-        unit: empty: as the drive has it.
-        values: one a cycle, float64, little endian; NaN: nothing came.
+        object: index and subindex, such as ``6064h:00``; empty: the values were computed.
+        unit: unit of the values; empty: the drive's own.
+        values: one for each cycle, float64, little endian; NaN: no value came in it.
     """
 
     object: str
@@ -962,14 +980,14 @@ class ScopeSignal:
 
 @dataclass(frozen=True, slots=True)
 class DriveTrace:
-    """Every mapped object of an axis in each cycle, around a trigger.
+    """Recording of every mapped object of an axis in each cycle, around a trigger.
 
     Attributes:
-        cycles: of them.
-        cycle_s: [s].
-        begin_s: of the first one, by the trigger, or 0 [s].
+        cycles: number of cycles.
+        cycle_s: length of a cycle [s].
+        begin_s: time of the first cycle; the trigger is at time 0 [s].
         trigger_unix: Unix time of time 0 [s].
-        missing: SYNCs that the bus had too few.
+        missing: number of SYNCs that are missing in the recording.
     """
 
     axis: int
@@ -983,19 +1001,23 @@ class DriveTrace:
 
 @dataclass(frozen=True, slots=True)
 class TunedLoop:
-    """Gains of a loop and what they leave.
+    """Gains of a control loop and its stability margins.
 
     Attributes:
-        gains: as in ``[axis.drive]``.
-        least: share of the measured inertia (cst) down and up to which it is stable, or multiple of its
-            gain (csv, greatest alone); 0: it is not.
-        greatest: share of the measured inertia (cst) down and up to which it is stable, or multiple of
-            its gain (csv, greatest alone); 0: it is not.
-        phase_deg: left.
-        crossover_hz: on the measured response, where it is known.
-        measured_phase_deg: on the measured response, where it is known.
-        measured_gain: multiple of the gains up to which it is stable on that; None: beyond what was
-            measured.
+        gains: by the keys of ``[axis.drive]``.
+        least: in mode cst the least and the greatest inertia, as multiples of the measured one, with
+            which the loop is stable; in mode csv ``greatest`` alone, the multiple of its gain up to which
+            it is stable; 0: it is not stable.
+        greatest: in mode cst the least and the greatest inertia, as multiples of the measured one, with
+            which the loop is stable; in mode csv ``greatest`` alone, the multiple of its gain up to which
+            it is stable; 0: it is not stable.
+        phase_deg: phase margin [deg].
+        crossover_hz: crossover frequency [Hz] and phase margin [deg] on the measured response; None: not
+            known.
+        measured_phase_deg: crossover frequency [Hz] and phase margin [deg] on the measured response;
+            None: not known.
+        measured_gain: multiple of the gains up to which the loop is stable on that response; None: more
+            than could be measured.
     """
 
     name: str
@@ -1010,18 +1032,19 @@ class TunedLoop:
 
 @dataclass(frozen=True, slots=True)
 class DriveTuning:
-    """What a motion tells of a loop in mode cst or csv.
+    """Result of measuring an axis in mode cst or csv while it moves, and proposed gains of its loop.
 
     Attributes:
-        measured: cst: inertia [kg·m²], friction [N·m], viscous [N·m·s/rad], load [N·m], explained,
-            uncertainty [1]; csv: scale [1], lag, uncertainty [s].
+        measured: in mode cst inertia [kg·m²], friction [N·m], viscous [N·m·s/rad], load [N·m], explained
+            and uncertainty [1]; in mode csv scale [1], lag and uncertainty [s].
         said: the same in words.
-        loops: that of the machine file, then the proposed one.
-        changes: lines of the machine file; none: it fits.
-        remedy: what to do with them.
-        frequency_hz: the machine file's loop, opened, on the measured response; empty: it is not known.
-        gain_db: the machine file's loop, opened, on the measured response; empty: it is not known.
-        phase_deg: the machine file's loop, opened, on the measured response; empty: it is not known.
+        loops: the loop with the gains of the machine file, then with the proposed ones.
+        changes: lines to change in the machine file; empty: its gains fit.
+        remedy: how to apply the changes.
+        frequency_hz: open-loop response with the gains of the machine file, as measured; empty: not
+            known.
+        gain_db: open-loop response with the gains of the machine file, as measured; empty: not known.
+        phase_deg: open-loop response with the gains of the machine file, as measured; empty: not known.
     """
 
     axis: int
@@ -1838,12 +1861,13 @@ class RunRequestsReply:
 
 @dataclass(frozen=True, slots=True)
 class SdoReply:
-    """An object's value, read or written; ``bytes`` are shown as text.
+    """Value of an object that was read or written.
 
     Attributes:
-        node: on EtherCAT its position.
-        raw: the bytes, little endian.
-        fieldbus: kind of its bus.
+        node: node number; on EtherCAT the position on the line.
+        value: of the type ``bytes`` as hexadecimal text.
+        raw: the transferred bytes, little endian.
+        fieldbus: kind of the bus.
     """
 
     axis: int

@@ -242,45 +242,47 @@ export interface AxisTravel {
   unit: string;
 }
 
-/** One bus while it was listened to. */
+/** Frames that were counted while a bus was listened to. */
 export interface BusCounts {
-  /** of that. */
+  /** how long the bus was listened to [s]. */
   duration_s: number;
-  /** that came. */
+  /** number of all frames. */
   frames: number;
-  /** of the bit rate [1], each frame with the most stuff bits. */
+  /** share of the bit rate that they took [1], each counted with the most stuff bits that it can have. */
   load: number;
-  /** SYNCs. */
+  /** number of SYNCs. */
   syncs?: number;
-  /** between two of them, by this computer's clock. */
+  /** longest time between two of them, by this computer's clock [s]. */
   longest_sync_gap_s?: number;
   nodes?: NodeHealth[];
-  /** COB-IDs that belong to no node of the machine file, with how many frames came. */
+  /** number of frames by COB-ID, of COB-IDs that belong to no node of the machine file. */
   strangers?: Record<string, number>;
 }
 
-/** One bus that was listened to, beside whoever is its master. */
+/** Result of listening to a bus beside its master. */
 export interface BusHealth {
   bus: string;
-  /** of frames; a node of EtherCAT is a position on the line. */
+  /** numbers of frames; on EtherCAT a node is a position on the line. */
   counts: BusCounts;
-  /** by what another master was noticed; empty: none was. */
+  /** the sign by which a master was noticed; empty: none was. */
   master?: string;
   /**
-   * errors and malformed packets that this computer's interface has seen, on EtherCAT frames with a wrong working
-   * counter.
+   * number of errors and malformed packets at this computer's interface, on EtherCAT of frames with a wrong
+   * working counter.
    */
   error_frames?: number;
-  /** by axis, the greatest between setpoint and encoder on the bus [mm, deg]. */
+  /** greatest following error by axis, between setpoint and encoder on the bus [mm, deg]. */
   following_errors?: Record<string, number>;
 }
 
-/** Who is on one bus; `machine_file`: one to start from. `fieldbus`: kind of the bus. */
+/** The nodes that answer on a bus. */
 export interface BusScan {
   bus: string;
   address: string;
   nodes: ScannedNode[];
+  /** text of a machine file with these drives, to start from. */
   machine_file: string;
+  /** kind of the bus. */
   fieldbus?: Fieldbus;
 }
 
@@ -464,59 +466,59 @@ export interface Done {
   programs: string[];
 }
 
-/** One drive on a bus. */
+/** A drive on a bus and its state. */
 export interface DriveInfo {
   axis: number;
   kind: string;
   bus: string;
-  /** on EtherCAT its position. */
+  /** node number; on EtherCAT the position on the line. */
   node: number;
-  /** what the server takes it for. */
+  /** state of the drive in the server's supervision. */
   state: DrivePhase;
-  /** what its last heartbeat said, on EtherCAT its AL state; empty: none has come. */
+  /** NMT state in the last heartbeat, on EtherCAT the AL state; empty: no heartbeat has come yet. */
   nmt?: string;
-  /** since its last sign of life [s]. */
+  /** time since the last sign of life [s]; null: none has come yet. */
   heartbeat_age_s?: number | null;
-  /** 6041h, or the fault bits of a drive that streams telemetry. */
+  /** 6041h; of a drive that streams telemetry its fault bits. */
   statusword?: number | null;
   /** the same in words. */
   status?: string;
-  /** 1000h, 1018h:01, 1018h:02. */
+  /** objects 1000h, 1018h:01 and 1018h:02. */
   device_type?: number | null;
-  /** 1000h, 1018h:01, 1018h:02. */
+  /** objects 1000h, 1018h:01 and 1018h:02. */
   vendor_id?: number | null;
-  /** 1000h, 1018h:01, 1018h:02. */
+  /** objects 1000h, 1018h:01 and 1018h:02. */
   product_code?: number | null;
-  /** its last emergency message in words, on EtherCAT what 603Fh says */
+  /** the last emergency message in words, on EtherCAT the error code 603Fh. */
   emergency?: string;
-  /** of that. */
+  /** its error code. */
   emergency_code?: number | null;
-  /** of that. */
+  /** time since it came [s]. */
   emergency_age_s?: number | null;
-  /** how often it has started since the server did. */
+  /** number of the drive's starts since the server started. */
   boot_ups?: number;
-  /** why its configuration failed. */
+  /** why the last configuration failed. */
   message?: string;
-  /** what the machine file wants to see of it, newest values. */
+  /** newest values of its telemetry, and of objects that `monitor` in the machine file names. */
   monitor?: MonitoredValue[];
-  /** kind of its bus. */
+  /** kind of the bus. */
   fieldbus?: Fieldbus;
 }
 
-/** What a drive's dictionary has of one axis. */
+/** The objects of a drive, of one axis of its node. */
 export interface DriveParameters {
   axis: number;
   bus: string;
-  /** on EtherCAT its position. */
+  /** node number; on EtherCAT the position on the line. */
   node: number;
-  /** which axis of its node it is. */
+  /** number of the axis among those of its node, from 0. */
   node_axis: number;
-  /** of its EDS; empty: there is none, and these are the standard's objects. */
+  /** digest of the drive's EDS; empty: it has none, and the objects are those of the standard. */
   eds_sha256: string;
   parameters: ParameterInfo[];
-  /** entries of the EDS that make no sense, each with why. */
+  /** entries of the EDS that cannot be read, each with the reason. */
   unreadable: string[];
-  /** kind of its bus. */
+  /** kind of the bus. */
   fieldbus?: Fieldbus;
 }
 
@@ -540,18 +542,18 @@ export interface DriveScopeRequest {
   timeout_s?: number | undefined;
 }
 
-/** Every mapped object of an axis in each cycle, around a trigger. */
+/** Recording of every mapped object of an axis in each cycle, around a trigger. */
 export interface DriveTrace {
   axis: number;
-  /** of them. */
+  /** number of cycles. */
   cycles: number;
-  /** [s]. */
+  /** length of a cycle [s]. */
   cycle_s: number;
-  /** of the first one, by the trigger, or 0 [s]. */
+  /** time of the first cycle; the trigger is at time 0 [s]. */
   begin_s: number;
   /** Unix time of time 0 [s]. */
   trigger_unix: number;
-  /** SYNCs that the bus had too few. */
+  /** number of SYNCs that are missing in the recording. */
   missing: number;
   signals: ScopeSignal[];
 }
@@ -562,28 +564,28 @@ export interface DriveTuneRequest {
   seconds?: number | undefined;
 }
 
-/** What a motion tells of a loop in mode cst or csv. */
+/** Result of measuring an axis in mode cst or csv while it moves, and proposed gains of its loop. */
 export interface DriveTuning {
   axis: number;
   mode: LoopMode;
   /**
-   * cst: inertia [kg·m²], friction [N·m], viscous [N·m·s/rad], load [N·m], explained, uncertainty [1]; csv: scale
-   * [1], lag, uncertainty [s].
+   * in mode cst inertia [kg·m²], friction [N·m], viscous [N·m·s/rad], load [N·m], explained and uncertainty [1];
+   * in mode csv scale [1], lag and uncertainty [s].
    */
   measured: Record<string, number>;
   /** the same in words. */
   said: string;
-  /** that of the machine file, then the proposed one. */
+  /** the loop with the gains of the machine file, then with the proposed ones. */
   loops: TunedLoop[];
-  /** lines of the machine file; none: it fits. */
+  /** lines to change in the machine file; empty: its gains fit. */
   changes: string[];
-  /** what to do with them. */
+  /** how to apply the changes. */
   remedy: string;
-  /** the machine file's loop, opened, on the measured response; empty: it is not known. */
+  /** open-loop response with the gains of the machine file, as measured; empty: not known. */
   frequency_hz: number[];
-  /** the machine file's loop, opened, on the measured response; empty: it is not known. */
+  /** open-loop response with the gains of the machine file, as measured; empty: not known. */
   gain_db: number[];
-  /** the machine file's loop, opened, on the measured response; empty: it is not known. */
+  /** open-loop response with the gains of the machine file, as measured; empty: not known. */
   phase_deg: number[];
 }
 
@@ -971,11 +973,14 @@ export interface ModelReply {
 export interface ModelRequest {
 }
 
-/** One object that the machine file shows in telemetry (`monitor`); value null: none has come. */
+/** A value of a drive: of an object that `monitor` in the machine file names, or of its own telemetry. */
 export interface MonitoredValue {
   name: string;
+  /** the newest one; null: none has come yet. */
   value: boolean | number | string | null;
+  /** the object; index 0: it is telemetry. */
   index?: number;
+  /** the object; index 0: it is telemetry. */
   subindex?: number;
 }
 
@@ -997,25 +1002,26 @@ export interface Need {
   confirm?: string;
 }
 
-/** One node while it was listened to. */
+/** Frames of a node that were counted while a bus was listened to. */
 export interface NodeHealth {
   node: number;
+  /** numbers of the machine's axes that the node has. */
   axes: number[];
-  /** NMT state of its last heartbeat; empty: none came. */
+  /** NMT state in the last heartbeat; empty: none came. */
   state?: string;
-  /** that came. */
+  /** number of heartbeats. */
   heartbeats?: number;
-  /** between two of them, by this computer's clock. */
+  /** longest time between two of them, by this computer's clock [s]. */
   longest_gap_s?: number;
-  /** process data that it sent at SYNC. */
+  /** number of TPDOs that the node sends at SYNC. */
   readings?: number;
-  /** those that came after the next SYNC. */
+  /** number of those that came after the next SYNC. */
   late?: number;
-  /** those that never came. */
+  /** number of those that never came. */
   lost?: number;
-  /** times it started. */
+  /** number of its boot-up messages. */
   boot_ups?: number;
-  /** the last ones, in words. */
+  /** its last emergency messages in words. */
   emergencies?: string[];
 }
 
@@ -1116,19 +1122,19 @@ export interface PairClearance {
   line: number;
 }
 
-/** One object of a drive's dictionary, as its EDS has it. */
+/** An object of a drive, as its EDS describes it. */
 export interface ParameterInfo {
   index: number;
   subindex: number;
-  /** members behind their record: `Gear ratio.Motor revolutions`. */
+  /** name in the EDS; a member's follows that of its record: `Gear ratio.Motor revolutions`. */
   name: string;
-  /** by which it is read. */
+  /** data type. */
   type: SdoType;
   /** ro, wo, rw, rwr, rww or const. */
   access: string;
-  /** limits of the EDS; null: only those of the type. */
+  /** limits in the EDS; null: the limits of the type. */
   low?: number | null;
-  /** limits of the EDS; null: only those of the type. */
+  /** limits in the EDS; null: the limits of the type. */
   high?: number | null;
 }
 
@@ -1455,39 +1461,43 @@ export interface RunRequestsReply {
 export interface RunRequestsRequest {
 }
 
-/** One node that answers on a bus. */
+/** A node that answers on a bus. */
 export interface ScannedNode {
-  /** on EtherCAT the position. */
+  /** node number; on EtherCAT the position on the line. */
   node: number;
-  /** of 1000h */
+  /** number of the device profile, from 1000h. */
   profile: number;
   /** the same in words. */
   what: string;
+  /** identity 1018h; null: the node did not give it. */
   vendor_id?: number | null;
+  /** identity 1018h; null: the node did not give it. */
   product_code?: number | null;
+  /** identity 1018h; null: the node did not give it. */
   revision?: number | null;
+  /** identity 1018h; null: the node did not give it. */
   serial?: number | null;
-  /** of 6502h. vendor_id … serial: 1018h; null: it does not say. */
+  /** modes of operation that 6502h lists. */
   modes?: string[];
-  /** of the running machine, whose drive it is. */
+  /** axis of the running machine that this drive moves; null: no axis has it. */
   axis?: number | null;
-  /** a file that is its by vendor and product. */
+  /** path of the EDS file in the machine file, or of one with this vendor and product; empty: none was found. */
   eds?: string;
   /**
-   * what else it says of itself, by object, such as `"6091:1"`: encoder (608Fh), gear (6091h), feed (6092h),
-   * rated torque (6076h [mN·m]), greatest speed of the motor (6080h [1/min]), travel (607Dh).
+   * values of further objects, by keys such as `"6091:1"`: encoder (608Fh), gear (6091h), feed (6092h), rated
+   * torque (6076h [mN·m]), greatest motor speed (6080h [1/min]), travel limits (607Dh).
    */
   objects?: Record<string, number>;
 }
 
-/** What one object had in each cycle. */
+/** Values of an object in each cycle. */
 export interface ScopeSignal {
-  /** such as `6064h:00`; empty: it is computed. */
+  /** index and subindex, such as `6064h:00`; empty: the values were computed. */
   object: string;
   name: string;
-  /** empty: as the drive has it. */
+  /** unit of the values; empty: the drive's own. */
   unit: string;
-  /** one a cycle, float64, little endian; NaN: nothing came. */
+  /** one for each cycle, float64, little endian; NaN: no value came in it. */
   values: Uint8Array;
 }
 
@@ -1505,19 +1515,20 @@ export interface SdoReadRequest {
   type?: SdoType | null | undefined;
 }
 
-/** An object's value, read or written; `bytes` are shown as text. */
+/** Value of an object that was read or written. */
 export interface SdoReply {
   axis: number;
   bus: string;
-  /** on EtherCAT its position. */
+  /** node number; on EtherCAT the position on the line. */
   node: number;
   index: number;
   subindex: number;
   type: SdoType;
+  /** of the type `bytes` as hexadecimal text. */
   value: boolean | number | string;
-  /** the bytes, little endian. */
+  /** the transferred bytes, little endian. */
   raw: Uint8Array;
-  /** kind of its bus. */
+  /** kind of the bus. */
   fieldbus?: Fieldbus;
 }
 
@@ -1866,28 +1877,28 @@ export interface ToolRow {
   used_min?: number;
 }
 
-/** Gains of a loop and what they leave. */
+/** Gains of a control loop and its stability margins. */
 export interface TunedLoop {
   name: string;
-  /** as in `[axis.drive]`. */
+  /** by the keys of `[axis.drive]`. */
   gains: Record<string, number>;
   /**
-   * share of the measured inertia (cst) down and up to which it is stable, or multiple of its gain (csv, greatest
-   * alone); 0: it is not.
+   * in mode cst the least and the greatest inertia, as multiples of the measured one, with which the loop is
+   * stable; in mode csv `greatest` alone, the multiple of its gain up to which it is stable; 0: it is not stable.
    */
   least: number;
   /**
-   * share of the measured inertia (cst) down and up to which it is stable, or multiple of its gain (csv, greatest
-   * alone); 0: it is not.
+   * in mode cst the least and the greatest inertia, as multiples of the measured one, with which the loop is
+   * stable; in mode csv `greatest` alone, the multiple of its gain up to which it is stable; 0: it is not stable.
    */
   greatest: number;
-  /** left. */
+  /** phase margin [deg]. */
   phase_deg: number;
-  /** on the measured response, where it is known. */
+  /** crossover frequency [Hz] and phase margin [deg] on the measured response; null: not known. */
   crossover_hz?: number | null;
-  /** on the measured response, where it is known. */
+  /** crossover frequency [Hz] and phase margin [deg] on the measured response; null: not known. */
   measured_phase_deg?: number | null;
-  /** multiple of the gains up to which it is stable on that; null: beyond what was measured. */
+  /** multiple of the gains up to which the loop is stable on that response; null: more than could be measured. */
   measured_gain?: number | null;
 }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 from mcserver.can.cob import Function, NmtState
 from mcserver.drive_sim.cia402_node import Cia402Node
@@ -13,7 +14,7 @@ from mcserver.drive_sim.ethercat.assignment import PdoAssignment
 from mcserver.drive_sim.ethercat.controller import INPUTS, OUTPUTS, SlaveController
 from mcserver.drive_sim.ethercat.mailbox import CoeMailbox
 from mcserver.drive_sim.ethercat.registers import AlCode, AlState
-from mcserver.drive_sim.ethercat.sii import MAILBOX_BYTES, SlaveIdentity, eeprom_of
+from mcserver.drive_sim.ethercat.sii import MAILBOX_BYTES, eeprom_of
 from mcserver.drive_sim.fault_injection import ETHERCAT_FAULTS, values_of
 from mcserver.drive_sim.motor import Hardware
 from mcserver.drive_sim.sdo_abort import Abort, SdoAbort
@@ -51,25 +52,19 @@ class EthercatDrive:
         self.cut = False
         self.frames_lost = 0
         self._clock = clock
+        identity = replace(
+            identity,
+            vendor_id=identity.vendor_id or VENDOR_ID,
+            product_code=identity.product_code or PRODUCT_CODE,
+            revision=identity.revision or REVISION,
+        )
         self._device = Cia402Node(node, self._transmit, hardware, position, identity)
-        store = self._device.store
-        self._assignment = PdoAssignment(store, lambda: self.controller.state is AlState.PREOP)
+        self._assignment = PdoAssignment(self.store, lambda: self.controller.state is AlState.PREOP)
         self._mailbox = CoeMailbox(self, MAILBOX_BYTES, self._changed)
         self._outputs: list[tuple[Entry | None, struct.Struct]] = []
         self._inputs: list[tuple[Entry | None, struct.Struct]] = []
-        numbers = SlaveIdentity(
-            identity.vendor_id or VENDOR_ID,
-            identity.product_code or PRODUCT_CODE,
-            identity.revision or REVISION,
-            identity.serial_number,
-        )
-        for subindex, number in enumerate(
-            (numbers.vendor_id, numbers.product_code, numbers.revision, numbers.serial_number), 1
-        ):
-            entry = store.entry(0x1018, subindex)
-            entry.default = entry.value = number
         self.controller = SlaveController(
-            eeprom_of(numbers, f"simulated drive {node}"), self, lambda: round(clock() * 1e9)
+            eeprom_of(identity, f"simulated drive {node}"), self, lambda: round(clock() * 1e9)
         )
 
     # ------------------------------------------------------------------ a node of the simulation

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 
+from mcserver.drive_sim.described import Identity
 from mcserver.drive_sim.ethercat.registers import PROCESS_MEMORY
 
 MAILBOX_BYTES = 128
@@ -18,17 +18,7 @@ _STRINGS, _GENERAL, _FMMUS, _SYNC_MANAGERS, _END = 10, 30, 40, 41, 0xFFFF
 _MAILBOX_OUT_CONTROL, _MAILBOX_IN_CONTROL, _OUTPUTS_CONTROL, _INPUTS_CONTROL = 0x26, 0x22, 0x64, 0x20
 
 
-@dataclass(frozen=True)
-class SlaveIdentity:
-    """1018h, and words A to F of the EEPROM."""
-
-    vendor_id: int
-    product_code: int
-    revision: int
-    serial_number: int
-
-
-def eeprom_of(identity: SlaveIdentity, name: str) -> bytes:
+def eeprom_of(identity: Identity, name: str) -> bytes:
     """Return the bytes of the EEPROM of a slave with CoE, two mailboxes, outputs and inputs."""
     image = bytearray(0x80)
     numbers = (identity.vendor_id, identity.product_code, identity.revision, identity.serial_number)

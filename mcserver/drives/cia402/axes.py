@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.can.pdo_layout import Mode, rpdo1_cycles
-from mcserver.can.port import CanPort
 from mcserver.drives.bus import Array, DriveFault, DriveMode, DriveState, Feedback, Setpoints
 from mcserver.drives.cia402.drive import cia402_drive
 from mcserver.drives.cia402.frames import frames_of
@@ -70,10 +69,6 @@ class Cia402Axes:
         }
         self._setpoint: Array = np.zeros(count)
         self._velocity: Array = np.zeros(count)
-
-    def open(self, port: CanPort) -> None:
-        """Prepare the frames."""
-        self.rpdos.open(port)
 
     def restart(self, index: int) -> None:
         """The drive has been switched on again: its next reading is taken as it is."""
@@ -173,10 +168,6 @@ class Cia402Axes:
     def fail(self, index: int, fault: DriveFault, detail: int = 0) -> bool:
         """Latch a fault of an axis; False: nothing new was latched."""
         return self.stages.fail(index, fault, detail)
-
-    def send(self) -> int:
-        """Send the RPDOs of this cycle; returns how many found no room."""
-        return self.rpdos.send()
 
     def silence(self) -> None:
         """All axes off: the last frames of a bus that is being closed."""

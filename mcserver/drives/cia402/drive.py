@@ -11,7 +11,7 @@ from msgspec import Meta
 
 from mcserver.can.cob import GREATEST_NODE
 from mcserver.can.pdo import ProcessData
-from mcserver.can.pdo_layout import RPDO1, RPDO2, SLOW_SYNCS, TPDO1, TPDO2, Mode, Pdo
+from mcserver.can.pdo_layout import RPDO1, RPDO2, SLOW_SYNCS, TPDO1, TPDO2, Mode
 from mcserver.drives.bus import DriveMode
 from mcserver.drives.cia402.loop_gains import DELAY_CYCLES, ETHERCAT_DELAY_CYCLES, complete_loop
 from mcserver.machine.bus_load import Share, frame_bits
@@ -236,8 +236,8 @@ class Cia402Drive(CanDrive, frozen=True, tag="cia402"):
         beats = sum(1000.0 / drive.heartbeat_ms for drive in drives if drive.heartbeat_ms)
         return [
             *_commands(drives, cycle_hz),
-            Share("TPDO1", count, frame_bits(_bytes(TPDO1))),
-            Share("TPDO2", count / SLOW_SYNCS, frame_bits(_bytes(TPDO2))),
+            Share("TPDO1", count, frame_bits(TPDO1.packing.size)),
+            Share("TPDO2", count / SLOW_SYNCS, frame_bits(TPDO2.packing.size)),
             Share("heartbeats", 0.0, frame_bits(1), beats),
         ]
 
@@ -251,10 +251,6 @@ def cia402_drive(axis: Axis) -> Cia402Drive:
     return axis.drive
 
 
-def _bytes(pdo: Pdo) -> int:
-    return sum(entry.bits for entry in pdo.entries) // 8
-
-
 def _commands(drives: Sequence[Cia402Drive], cycle_hz: float) -> list[Share]:
     """RPDOs; 60B2h and 6081h have no room beside mode and position, and go in some of their own."""
     profiled = float(sum(drive.profiled for drive in drives))
@@ -265,9 +261,11 @@ def _commands(drives: Sequence[Cia402Drive], cycle_hz: float) -> list[Share]:
         sorted({(float(drive.command_timeout_ms), float(drive.usual_timeout_ms)) for drive in drives})
     )
     every = (
-        Share("RPDO2", streamed, frame_bits(_bytes(RPDO2))),
-        Share("RPDO1 besides", streamed, frame_bits(_bytes(RPDO1)), timeouts_ms=timeouts, cycle_hz=cycle_hz),
-        Share("RPDO1", profiled, frame_bits(_bytes(RPDO1))),
+        Share("RPDO2", streamed, frame_bits(RPDO2.packing.size)),
+        Share(
+            "RPDO1 besides", streamed, frame_bits(RPDO1.packing.size), timeouts_ms=timeouts, cycle_hz=cycle_hz
+        ),
+        Share("RPDO1", profiled, frame_bits(RPDO1.packing.size)),
         Share("profile velocity", profiled, frame_bits(4)),
         Share("torque offset", offsets, frame_bits(2)),
     )

@@ -79,13 +79,11 @@ class AxisFrames:
     """The PDOs of one axis.
 
     Attributes:
-        usual: the first TPDO is the arena's own form. shows_mode: 6061h comes.
-        has_profile_velocity: 6081h goes out.
+        shows_mode: 6061h comes. has_profile_velocity: 6081h goes out.
     """
 
     rpdos: tuple[OutgoingPdo, ...]
     tpdos: tuple[IncomingPdo, ...]
-    usual: bool
     shows_mode: bool
     has_profile_velocity: bool
 
@@ -98,14 +96,9 @@ def frames_of(axis: Axis) -> AxisFrames:
     always = frozenset({TORQUE_OFFSET, DIGITAL_OUTPUTS} if drive.torque_offset else {DIGITAL_OUTPUTS})
     rpdos = tuple(_outgoing(pdo, offset, always) for pdo in data.rpdos)
     tpdos = tuple(_incoming(pdo, offset) for pdo in data.tpdos)
-    first = tpdos[0]
-    usual = first.length == TPDO1.packing.size and [(each.first, each.at) for each in first.pieces] == [
-        (0, 0)
-    ]
-    usual = usual and sum(pdo.essential for pdo in tpdos) == 1
     going = {_plain(mapped, offset) for pdo in data.rpdos for mapped in pdo.objects}
     coming = {_plain(mapped, offset) for pdo in data.tpdos for mapped in pdo.objects}
-    return AxisFrames(rpdos, tpdos, usual, MODE_DISPLAY in coming, PROFILE_VELOCITY in going)
+    return AxisFrames(rpdos, tpdos, MODE_DISPLAY in coming, PROFILE_VELOCITY in going)
 
 
 def usual_process_data(node: int, *, torque_offset: bool = False) -> ProcessData:
@@ -119,8 +112,7 @@ def usual_process_data(node: int, *, torque_offset: bool = False) -> ProcessData
 
 
 def _mapped(pdo: Pdo, cob_id: int) -> MappedPdo:
-    objects = tuple(MappedObject(entry.index, entry.subindex, entry.bits) for entry in pdo.entries)
-    return MappedPdo(pdo.number, cob_id, objects, pdo.transmission)
+    return MappedPdo(pdo.number, cob_id, pdo.objects, pdo.transmission)
 
 
 def _plain(mapped: MappedObject, offset: int) -> int:

@@ -7,7 +7,6 @@ loop adds the setpoint's own velocity, the torque loop the damping and the torqu
 
 from __future__ import annotations
 
-import enum
 import math
 from collections.abc import Sequence
 
@@ -34,15 +33,6 @@ BLIND_CYCLES = 10
 AGAINST_CYCLES = 5
 AGAINST_SHARE = 0.8
 AGAINST_COUNTS = 3.0
-
-
-class LoopFault(enum.IntEnum):
-    """Why the torque loop gives an axis up."""
-
-    NONE = 0
-    BLIND = 1
-    FOLLOWING = 2
-    RUNAWAY = 3
 
 
 class PositionPart:
@@ -134,7 +124,7 @@ class TorqueLoop:
         part: of the same axes.
 
     Attributes:
-        faults: shape (n,), values of `LoopFault`, of the latest step.
+        faults: shape (n,), values of `DriveFault`, for which the latest step gives axes up.
     """
 
     def __init__(self, axes: Sequence[Axis], part: PositionPart, counts_per_si: Array) -> None:
@@ -209,7 +199,7 @@ class TorqueLoop:
         self._readings[place] = self._estimate
         self._rates[place] = self._rate
         self._number += 1
-        torque[~active | (self.faults != LoopFault.NONE)] = 0.0
+        torque[~active | (self.faults != DriveFault.NONE)] = 0.0
         return torque
 
     def _begin(self, started: Mask, velocity: Array) -> None:
@@ -230,12 +220,12 @@ class TorqueLoop:
             (np.abs(pull) >= AGAINST_SHARE * self._limit) & (moving_off * way > 0.0) & (gained < -self._noise)
         )
         self._against = np.where(active & against, self._against + (ages == 0), 0)
-        self.faults[:] = LoopFault.NONE
+        self.faults[:] = DriveFault.NONE
         if (self._against >= AGAINST_CYCLES).any():
-            self.faults[self._against >= AGAINST_CYCLES] = LoopFault.RUNAWAY
+            self.faults[self._against >= AGAINST_CYCLES] = DriveFault.RUNAWAY
         # NaN fails this comparison, too: a reading that is not a number ends the torque
-        self.faults[active & ~(np.abs(error) <= self._following)] = LoopFault.FOLLOWING
-        self.faults[active & (ages >= BLIND_CYCLES)] = LoopFault.BLIND
+        self.faults[active & ~(np.abs(error) <= self._following)] = DriveFault.FOLLOWING
+        self.faults[active & (ages >= BLIND_CYCLES)] = DriveFault.COMMUNICATION
 
 
 class ControlLoops:
@@ -293,13 +283,5 @@ class ControlLoops:
             return np.zeros(len(setpoint)), []
         held = loop.mine & positioned & captured
         closed = loop.step(setpoint, velocity, reading, ages, torque, held)
-        faults = np.flatnonzero(loop.faults).tolist() if loop.faults.any() else []
-        given_up = [(index, _OF_LOOP[LoopFault(loop.faults[index])]) for index in faults]
+        given_up = [(index, DriveFault(loop.faults[index])) for index in np.flatnonzero(loop.faults).tolist()]
         return np.where(loop.mine & positioned, closed, 0.0), given_up
-
-
-_OF_LOOP = {
-    LoopFault.BLIND: DriveFault.COMMUNICATION,
-    LoopFault.FOLLOWING: DriveFault.FOLLOWING,
-    LoopFault.RUNAWAY: DriveFault.RUNAWAY,
-}

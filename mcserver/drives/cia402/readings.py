@@ -84,23 +84,13 @@ class AxisReadings:
         self._past = np.zeros((VELOCITY_CYCLES, count), np.int64)
         self.position: Array = np.zeros(count)
 
-    def places(self) -> dict[int, tuple[slice, int]]:
-        """Return for each TPDO1's COB-ID the place of its payload, and the axis."""
-        size = TPDO1.packing.size
-        return {
-            frames.tpdos[0].cob_id: (slice(index * size, (index + 1) * size), index)
-            for index, frames in enumerate(self._frames)
-            if frames.usual
-        }
-
     def handlers(self, feedback: Feedback) -> dict[int, Callable[[bytes], None]]:
-        """Return what to call for the COB-IDs of the other TPDOs."""
+        """Return what to call for which COB-ID."""
         handlers = {}
         for index, frames in enumerate(self._frames):
             essential = sum(1 << bit for bit, pdo in enumerate(frames.tpdos) if pdo.essential)
             for bit, pdo in enumerate(frames.tpdos):
-                if not (frames.usual and bit == 0):
-                    handlers[pdo.cob_id] = self._taker(index, pdo, bit, essential, feedback)
+                handlers[pdo.cob_id] = self._taker(index, pdo, bit, essential, feedback)
         return handlers
 
     def _taker(
@@ -118,7 +108,9 @@ class AxisReadings:
 
         def take(payload: bytes) -> None:
             if len(payload) != pdo.length:
-                self.note_length(index, len(payload))
+                # process data of another length than was mapped count as not come
+                self.short += 1
+                self._wrong_lengths[index] = len(payload)
                 return
             for where, first, end in pieces:
                 self._arena[where] = payload[first:end]
@@ -137,23 +129,17 @@ class AxisReadings:
 
         return take
 
-    def note_length(self, index: int, length: int) -> None:
-        """Process data of another length than was mapped: they count as not come."""
-        self.short += 1
-        self._wrong_lengths[index] = length
-
     def silence_detail(self, index: int, age: int) -> int:
         """Why an axis does not answer: cycles, or below 0 the length of process data that were not taken."""
         length = self._wrong_lengths.pop(index, None)
         return age if length is None else -length - 1
 
-    def begin(self) -> tuple[bytearray, bytearray]:
-        """Return the arena for TPDO1s, and one flag an axis for those that came, cleared."""
+    def begin(self) -> None:
+        """Begin a cycle, in which nothing has come yet."""
         self.came[:] = self._none_came
         self._number += 1
         for index in self.input_ages:
             self.input_ages[index] += 1
-        return self._arena, self.came
 
     def answered(self) -> list[int]:
         """Whose TPDO1 has come since `begin`, as indices of the bus."""

@@ -74,7 +74,7 @@ class ParametersPanel:
                 "flat dense no-caps align=left"
             ).classes("min-w-0 break-words text-left")
             with ui.row().classes("items-center gap-2 ml-auto"):
-                ui.label(f"{parameter.kind} {parameter.access}").classes("text-xs whitespace-nowrap")
+                ui.label(f"{parameter.type} {parameter.access}").classes("text-xs whitespace-nowrap")
                 return ui.label("").classes("font-mono break-all")
 
     def _choose(self, parameter: Parameter | None) -> None:
@@ -86,7 +86,7 @@ class ParametersPanel:
         low, high = ("…" if limit is None else str(limit) for limit in (parameter.low, parameter.high))
         bounded = (parameter.low, parameter.high) not in ((None, None), (0, 0))
         within = t("{low} to {high} by the EDS", low=low, high=high) if bounded else ""
-        self._limits.set_text(", ".join(filter(None, [parameter.kind, parameter.access, within])))
+        self._limits.set_text(", ".join(filter(None, [parameter.type, parameter.access, within])))
         self._write_button.set_visibility(parameter.writable)
         self._value.set_value("")
 

@@ -322,53 +322,55 @@ pub struct AxisTravel {
     pub unit: String,
 }
 
-/// One bus while it was listened to.
+/// Frames that were counted while a bus was listened to.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BusCounts {
-    /// of that.
+    /// how long the bus was listened to \[s\].
     pub duration_s: f64,
-    /// that came.
+    /// number of all frames.
     pub frames: u64,
-    /// of the bit rate \[1\], each frame with the most stuff bits.
+    /// share of the bit rate that they took \[1\], each counted with the most stuff bits that it can have.
     pub load: f64,
-    /// SYNCs.
+    /// number of SYNCs.
     #[serde(default)]
     pub syncs: u64,
-    /// between two of them, by this computer's clock.
+    /// longest time between two of them, by this computer's clock \[s\].
     #[serde(default)]
     pub longest_sync_gap_s: f64,
     #[serde(default)]
     pub nodes: Vec<NodeHealth>,
-    /// COB-IDs that belong to no node of the machine file, with how many frames came.
+    /// number of frames by COB-ID, of COB-IDs that belong to no node of the machine file.
     #[serde(default)]
     pub strangers: BTreeMap<String, u64>,
 }
 
-/// One bus that was listened to, beside whoever is its master.
+/// Result of listening to a bus beside its master.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BusHealth {
     pub bus: String,
-    /// of frames; a node of EtherCAT is a position on the line.
+    /// numbers of frames; on EtherCAT a node is a position on the line.
     pub counts: BusCounts,
-    /// by what another master was noticed; empty: none was.
+    /// the sign by which a master was noticed; empty: none was.
     #[serde(default)]
     pub master: String,
-    /// errors and malformed packets that this computer's interface has seen, on EtherCAT frames with a wrong
-    /// working counter.
+    /// number of errors and malformed packets at this computer's interface, on EtherCAT of frames with a
+    /// wrong working counter.
     #[serde(default)]
     pub error_frames: u64,
-    /// by axis, the greatest between setpoint and encoder on the bus \[mm, deg\].
+    /// greatest following error by axis, between setpoint and encoder on the bus \[mm, deg\].
     #[serde(default)]
     pub following_errors: BTreeMap<String, f64>,
 }
 
-/// Who is on one bus; `machine_file`: one to start from. `fieldbus`: kind of the bus.
+/// The nodes that answer on a bus.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BusScan {
     pub bus: String,
     pub address: String,
     pub nodes: Vec<ScannedNode>,
+    /// text of a machine file with these drives, to start from.
     pub machine_file: String,
+    /// kind of the bus.
     #[serde(default = "bus_scan_fieldbus")]
     pub fieldbus: Fieldbus,
 }
@@ -599,56 +601,56 @@ pub struct Done {
     pub programs: Vec<String>,
 }
 
-/// One drive on a bus.
+/// A drive on a bus and its state.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DriveInfo {
     pub axis: u64,
     pub kind: String,
     pub bus: String,
-    /// on EtherCAT its position.
+    /// node number; on EtherCAT the position on the line.
     pub node: u64,
-    /// what the server takes it for.
+    /// state of the drive in the server's supervision.
     pub state: DrivePhase,
-    /// what its last heartbeat said, on EtherCAT its AL state; empty: none has come.
+    /// NMT state in the last heartbeat, on EtherCAT the AL state; empty: no heartbeat has come yet.
     #[serde(default)]
     pub nmt: String,
-    /// since its last sign of life \[s\].
+    /// time since the last sign of life \[s\]; none: none has come yet.
     #[serde(default)]
     pub heartbeat_age_s: Option<f64>,
-    /// 6041h, or the fault bits of a drive that streams telemetry.
+    /// 6041h; of a drive that streams telemetry its fault bits.
     #[serde(default)]
     pub statusword: Option<u64>,
     /// the same in words.
     #[serde(default)]
     pub status: String,
-    /// 1000h, 1018h:01, 1018h:02.
+    /// objects 1000h, 1018h:01 and 1018h:02.
     #[serde(default)]
     pub device_type: Option<u64>,
-    /// 1000h, 1018h:01, 1018h:02.
+    /// objects 1000h, 1018h:01 and 1018h:02.
     #[serde(default)]
     pub vendor_id: Option<u64>,
-    /// 1000h, 1018h:01, 1018h:02.
+    /// objects 1000h, 1018h:01 and 1018h:02.
     #[serde(default)]
     pub product_code: Option<u64>,
-    /// its last emergency message in words, on EtherCAT what 603Fh says
+    /// the last emergency message in words, on EtherCAT the error code 603Fh.
     #[serde(default)]
     pub emergency: String,
-    /// of that.
+    /// its error code.
     #[serde(default)]
     pub emergency_code: Option<u64>,
-    /// of that.
+    /// time since it came \[s\].
     #[serde(default)]
     pub emergency_age_s: Option<f64>,
-    /// how often it has started since the server did.
+    /// number of the drive's starts since the server started.
     #[serde(default)]
     pub boot_ups: u64,
-    /// why its configuration failed.
+    /// why the last configuration failed.
     #[serde(default)]
     pub message: String,
-    /// what the machine file wants to see of it, newest values.
+    /// newest values of its telemetry, and of objects that `monitor` in the machine file names.
     #[serde(default)]
     pub monitor: Vec<MonitoredValue>,
-    /// kind of its bus.
+    /// kind of the bus.
     #[serde(default = "drive_info_fieldbus")]
     pub fieldbus: Fieldbus,
 }
@@ -657,21 +659,21 @@ fn drive_info_fieldbus() -> Fieldbus {
     Fieldbus::Can
 }
 
-/// What a drive's dictionary has of one axis.
+/// The objects of a drive, of one axis of its node.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DriveParameters {
     pub axis: u64,
     pub bus: String,
-    /// on EtherCAT its position.
+    /// node number; on EtherCAT the position on the line.
     pub node: u64,
-    /// which axis of its node it is.
+    /// number of the axis among those of its node, from 0.
     pub node_axis: u64,
-    /// of its EDS; empty: there is none, and these are the standard's objects.
+    /// digest of the drive's EDS; empty: it has none, and the objects are those of the standard.
     pub eds_sha256: String,
     pub parameters: Vec<ParameterInfo>,
-    /// entries of the EDS that make no sense, each with why.
+    /// entries of the EDS that cannot be read, each with the reason.
     pub unreadable: Vec<String>,
-    /// kind of its bus.
+    /// kind of the bus.
     #[serde(default = "drive_parameters_fieldbus")]
     pub fieldbus: Fieldbus,
 }
@@ -727,19 +729,19 @@ impl DriveScopeRequest {
     }
 }
 
-/// Every mapped object of an axis in each cycle, around a trigger.
+/// Recording of every mapped object of an axis in each cycle, around a trigger.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DriveTrace {
     pub axis: u64,
-    /// of them.
+    /// number of cycles.
     pub cycles: u64,
-    /// \[s\].
+    /// length of a cycle \[s\].
     pub cycle_s: f64,
-    /// of the first one, by the trigger, or 0 \[s\].
+    /// time of the first cycle; the trigger is at time 0 \[s\].
     pub begin_s: f64,
     /// Unix time of time 0 \[s\].
     pub trigger_unix: f64,
-    /// SYNCs that the bus had too few.
+    /// number of SYNCs that are missing in the recording.
     pub missing: u64,
     pub signals: Vec<ScopeSignal>,
 }
@@ -762,27 +764,27 @@ impl DriveTuneRequest {
     }
 }
 
-/// What a motion tells of a loop in mode cst or csv.
+/// Result of measuring an axis in mode cst or csv while it moves, and proposed gains of its loop.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DriveTuning {
     pub axis: u64,
     pub mode: LoopMode,
-    /// cst: inertia \[kg·m²\], friction \[N·m\], viscous \[N·m·s/rad\], load \[N·m\], explained, uncertainty
-    /// \[1\]; csv: scale \[1\], lag, uncertainty \[s\].
+    /// in mode cst inertia \[kg·m²\], friction \[N·m\], viscous \[N·m·s/rad\], load \[N·m\], explained and
+    /// uncertainty \[1\]; in mode csv scale \[1\], lag and uncertainty \[s\].
     pub measured: BTreeMap<String, f64>,
     /// the same in words.
     pub said: String,
-    /// that of the machine file, then the proposed one.
+    /// the loop with the gains of the machine file, then with the proposed ones.
     pub loops: Vec<TunedLoop>,
-    /// lines of the machine file; none: it fits.
+    /// lines to change in the machine file; empty: its gains fit.
     pub changes: Vec<String>,
-    /// what to do with them.
+    /// how to apply the changes.
     pub remedy: String,
-    /// the machine file's loop, opened, on the measured response; empty: it is not known.
+    /// open-loop response with the gains of the machine file, as measured; empty: not known.
     pub frequency_hz: Vec<f64>,
-    /// the machine file's loop, opened, on the measured response; empty: it is not known.
+    /// open-loop response with the gains of the machine file, as measured; empty: not known.
     pub gain_db: Vec<f64>,
-    /// the machine file's loop, opened, on the measured response; empty: it is not known.
+    /// open-loop response with the gains of the machine file, as measured; empty: not known.
     pub phase_deg: Vec<f64>,
 }
 
@@ -1306,14 +1308,17 @@ pub struct ModelReply {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ModelRequest {}
 
-/// One object that the machine file shows in telemetry (`monitor`); value none: none has come.
+/// A value of a drive: of an object that `monitor` in the machine file names, or of its own telemetry.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MonitoredValue {
     pub name: String,
+    /// the newest one; none: none has come yet.
     #[serde(deserialize_with = "Option::deserialize")]
     pub value: Option<Value>,
+    /// the object; index 0: it is telemetry.
     #[serde(default)]
     pub index: u64,
+    /// the object; index 0: it is telemetry.
     #[serde(default)]
     pub subindex: u64,
 }
@@ -1340,33 +1345,34 @@ pub struct Need {
     pub confirm: String,
 }
 
-/// One node while it was listened to.
+/// Frames of a node that were counted while a bus was listened to.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct NodeHealth {
     pub node: u64,
+    /// numbers of the machine's axes that the node has.
     pub axes: Vec<u64>,
-    /// NMT state of its last heartbeat; empty: none came.
+    /// NMT state in the last heartbeat; empty: none came.
     #[serde(default)]
     pub state: String,
-    /// that came.
+    /// number of heartbeats.
     #[serde(default)]
     pub heartbeats: u64,
-    /// between two of them, by this computer's clock.
+    /// longest time between two of them, by this computer's clock \[s\].
     #[serde(default)]
     pub longest_gap_s: f64,
-    /// process data that it sent at SYNC.
+    /// number of TPDOs that the node sends at SYNC.
     #[serde(default)]
     pub readings: u64,
-    /// those that came after the next SYNC.
+    /// number of those that came after the next SYNC.
     #[serde(default)]
     pub late: u64,
-    /// those that never came.
+    /// number of those that never came.
     #[serde(default)]
     pub lost: u64,
-    /// times it started.
+    /// number of its boot-up messages.
     #[serde(default)]
     pub boot_ups: u64,
-    /// the last ones, in words.
+    /// its last emergency messages in words.
     #[serde(default)]
     pub emergencies: Vec<String>,
 }
@@ -1513,22 +1519,22 @@ pub struct PairClearance {
     pub line: u64,
 }
 
-/// One object of a drive's dictionary, as its EDS has it.
+/// An object of a drive, as its EDS describes it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ParameterInfo {
     pub index: u64,
     pub subindex: u64,
-    /// members behind their record: `Gear ratio.Motor revolutions`.
+    /// name in the EDS; a member's follows that of its record: `Gear ratio.Motor revolutions`.
     pub name: String,
-    /// by which it is read.
+    /// data type.
     #[serde(rename = "type")]
     pub kind: SdoType,
     /// ro, wo, rw, rwr, rww or const.
     pub access: String,
-    /// limits of the EDS; none: only those of the type.
+    /// limits in the EDS; none: the limits of the type.
     #[serde(default)]
     pub low: Option<u64>,
-    /// limits of the EDS; none: only those of the type.
+    /// limits in the EDS; none: the limits of the type.
     #[serde(default)]
     pub high: Option<u64>,
 }
@@ -2016,47 +2022,52 @@ pub struct RunRequestsReply {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunRequestsRequest {}
 
-/// One node that answers on a bus.
+/// A node that answers on a bus.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ScannedNode {
-    /// on EtherCAT the position.
+    /// node number; on EtherCAT the position on the line.
     pub node: u64,
-    /// of 1000h
+    /// number of the device profile, from 1000h.
     pub profile: u64,
     /// the same in words.
     pub what: String,
+    /// identity 1018h; none: the node did not give it.
     #[serde(default)]
     pub vendor_id: Option<u64>,
+    /// identity 1018h; none: the node did not give it.
     #[serde(default)]
     pub product_code: Option<u64>,
+    /// identity 1018h; none: the node did not give it.
     #[serde(default)]
     pub revision: Option<u64>,
+    /// identity 1018h; none: the node did not give it.
     #[serde(default)]
     pub serial: Option<u64>,
-    /// of 6502h. vendor_id … serial: 1018h; none: it does not say.
+    /// modes of operation that 6502h lists.
     #[serde(default)]
     pub modes: Vec<String>,
-    /// of the running machine, whose drive it is.
+    /// axis of the running machine that this drive moves; none: no axis has it.
     #[serde(default)]
     pub axis: Option<u64>,
-    /// a file that is its by vendor and product.
+    /// path of the EDS file in the machine file, or of one with this vendor and product; empty: none was
+    /// found.
     #[serde(default)]
     pub eds: String,
-    /// what else it says of itself, by object, such as `"6091:1"`: encoder (608Fh), gear (6091h), feed
-    /// (6092h), rated torque (6076h \[mN·m\]), greatest speed of the motor (6080h \[1/min\]), travel (607Dh).
+    /// values of further objects, by keys such as `"6091:1"`: encoder (608Fh), gear (6091h), feed (6092h),
+    /// rated torque (6076h \[mN·m\]), greatest motor speed (6080h \[1/min\]), travel limits (607Dh).
     #[serde(default)]
     pub objects: BTreeMap<String, u64>,
 }
 
-/// What one object had in each cycle.
+/// Values of an object in each cycle.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ScopeSignal {
-    /// such as `6064h:00`; empty: it is computed.
+    /// index and subindex, such as `6064h:00`; empty: the values were computed.
     pub object: String,
     pub name: String,
-    /// empty: as the drive has it.
+    /// unit of the values; empty: the drive's own.
     pub unit: String,
-    /// one a cycle, float64, little endian; NaN: nothing came.
+    /// one for each cycle, float64, little endian; NaN: no value came in it.
     pub values: Bytes,
 }
 
@@ -2091,21 +2102,22 @@ impl SdoReadRequest {
     }
 }
 
-/// An object's value, read or written; `bytes` are shown as text.
+/// Value of an object that was read or written.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SdoReply {
     pub axis: u64,
     pub bus: String,
-    /// on EtherCAT its position.
+    /// node number; on EtherCAT the position on the line.
     pub node: u64,
     pub index: u64,
     pub subindex: u64,
     #[serde(rename = "type")]
     pub kind: SdoType,
+    /// of the type `bytes` as hexadecimal text.
     pub value: Value,
-    /// the bytes, little endian.
+    /// the transferred bytes, little endian.
     pub raw: Bytes,
-    /// kind of its bus.
+    /// kind of the bus.
     #[serde(default = "sdo_reply_fieldbus")]
     pub fieldbus: Fieldbus,
 }
@@ -2602,27 +2614,30 @@ pub struct ToolRow {
     pub used_min: f64,
 }
 
-/// Gains of a loop and what they leave.
+/// Gains of a control loop and its stability margins.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TunedLoop {
     pub name: String,
-    /// as in `\[axis.drive\]`.
+    /// by the keys of `\[axis.drive\]`.
     pub gains: BTreeMap<String, f64>,
-    /// share of the measured inertia (cst) down and up to which it is stable, or multiple of its gain (csv,
-    /// greatest alone); 0: it is not.
+    /// in mode cst the least and the greatest inertia, as multiples of the measured one, with which the loop
+    /// is stable; in mode csv `greatest` alone, the multiple of its gain up to which it is stable; 0: it is
+    /// not stable.
     pub least: f64,
-    /// share of the measured inertia (cst) down and up to which it is stable, or multiple of its gain (csv,
-    /// greatest alone); 0: it is not.
+    /// in mode cst the least and the greatest inertia, as multiples of the measured one, with which the loop
+    /// is stable; in mode csv `greatest` alone, the multiple of its gain up to which it is stable; 0: it is
+    /// not stable.
     pub greatest: f64,
-    /// left.
+    /// phase margin \[deg\].
     pub phase_deg: f64,
-    /// on the measured response, where it is known.
+    /// crossover frequency \[Hz\] and phase margin \[deg\] on the measured response; none: not known.
     #[serde(default)]
     pub crossover_hz: Option<f64>,
-    /// on the measured response, where it is known.
+    /// crossover frequency \[Hz\] and phase margin \[deg\] on the measured response; none: not known.
     #[serde(default)]
     pub measured_phase_deg: Option<f64>,
-    /// multiple of the gains up to which it is stable on that; none: beyond what was measured.
+    /// multiple of the gains up to which the loop is stable on that response; none: more than could be
+    /// measured.
     #[serde(default)]
     pub measured_gain: Option<f64>,
 }

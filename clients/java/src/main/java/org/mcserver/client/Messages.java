@@ -339,31 +339,36 @@ public final class Messages {
     public record AxisTravel(double position, double min, double max, String unit) {}
 
     /**
-     * One bus while it was listened to.
-     * @param durationS of that.
-     * @param frames that came.
-     * @param load of the bit rate [1], each frame with the most stuff bits.
-     * @param syncs SYNCs.
-     * @param longestSyncGapS between two of them, by this computer's clock.
-     * @param strangers COB-IDs that belong to no node of the machine file, with how many frames came.
+     * Frames that were counted while a bus was listened to.
+     * @param durationS how long the bus was listened to [s].
+     * @param frames number of all frames.
+     * @param load share of the bit rate that they took [1], each counted with the most stuff bits that it can
+     *     have.
+     * @param syncs number of SYNCs.
+     * @param longestSyncGapS longest time between two of them, by this computer's clock [s].
+     * @param strangers number of frames by COB-ID, of COB-IDs that belong to no node of the machine file.
      */
     public record BusCounts(
             double durationS, long frames, double load, @Sparse long syncs, @Sparse double longestSyncGapS, @Sparse
             List<NodeHealth> nodes, @Sparse Map<String, Long> strangers) {}
 
     /**
-     * One bus that was listened to, beside whoever is its master.
-     * @param counts of frames; a node of EtherCAT is a position on the line.
-     * @param master by what another master was noticed; empty: none was.
-     * @param errorFrames errors and malformed packets that this computer's interface has seen, on EtherCAT frames
-     *     with a wrong working counter.
-     * @param followingErrors by axis, the greatest between setpoint and encoder on the bus [mm, deg].
+     * Result of listening to a bus beside its master.
+     * @param counts numbers of frames; on EtherCAT a node is a position on the line.
+     * @param master the sign by which a master was noticed; empty: none was.
+     * @param errorFrames number of errors and malformed packets at this computer's interface, on EtherCAT of
+     *     frames with a wrong working counter.
+     * @param followingErrors greatest following error by axis, between setpoint and encoder on the bus [mm, deg].
      */
     public record BusHealth(
             String bus, BusCounts counts, @Sparse String master, @Sparse long errorFrames, @Sparse Map<String, Double>
             followingErrors) {}
 
-    /** Who is on one bus; `machine_file`: one to start from. `fieldbus`: kind of the bus. */
+    /**
+     * The nodes that answer on a bus.
+     * @param machineFile text of a machine file with these drives, to start from.
+     * @param fieldbus kind of the bus.
+     */
     public record BusScan(
             String bus, String address, List<ScannedNode> nodes, String machineFile, @Sparse("can") Fieldbus fieldbus) {}
 
@@ -585,23 +590,23 @@ public final class Messages {
     public record Done(List<String> programs) {}
 
     /**
-     * One drive on a bus.
-     * @param node on EtherCAT its position.
-     * @param state what the server takes it for.
-     * @param nmt what its last heartbeat said, on EtherCAT its AL state; empty: none has come.
-     * @param heartbeatAgeS since its last sign of life [s].
-     * @param statusword 6041h, or the fault bits of a drive that streams telemetry.
+     * A drive on a bus and its state.
+     * @param node node number; on EtherCAT the position on the line.
+     * @param state state of the drive in the server's supervision.
+     * @param nmt NMT state in the last heartbeat, on EtherCAT the AL state; empty: no heartbeat has come yet.
+     * @param heartbeatAgeS time since the last sign of life [s]; null: none has come yet.
+     * @param statusword 6041h; of a drive that streams telemetry its fault bits.
      * @param status the same in words.
-     * @param deviceType 1000h, 1018h:01, 1018h:02.
-     * @param vendorId 1000h, 1018h:01, 1018h:02.
-     * @param productCode 1000h, 1018h:01, 1018h:02.
-     * @param emergency its last emergency message in words, on EtherCAT what 603Fh says
-     * @param emergencyCode of that.
-     * @param emergencyAgeS of that.
-     * @param bootUps how often it has started since the server did.
-     * @param message why its configuration failed.
-     * @param monitor what the machine file wants to see of it, newest values.
-     * @param fieldbus kind of its bus.
+     * @param deviceType objects 1000h, 1018h:01 and 1018h:02.
+     * @param vendorId objects 1000h, 1018h:01 and 1018h:02.
+     * @param productCode objects 1000h, 1018h:01 and 1018h:02.
+     * @param emergency the last emergency message in words, on EtherCAT the error code 603Fh.
+     * @param emergencyCode its error code.
+     * @param emergencyAgeS time since it came [s].
+     * @param bootUps number of the drive's starts since the server started.
+     * @param message why the last configuration failed.
+     * @param monitor newest values of its telemetry, and of objects that `monitor` in the machine file names.
+     * @param fieldbus kind of the bus.
      */
     public record DriveInfo(
             long axis, String kind, String bus, long node, DrivePhase state, @Sparse String nmt, @Sparse Double
@@ -611,12 +616,12 @@ public final class Messages {
             @Sparse("can") Fieldbus fieldbus) {}
 
     /**
-     * What a drive's dictionary has of one axis.
-     * @param node on EtherCAT its position.
-     * @param nodeAxis which axis of its node it is.
-     * @param edsSha256 of its EDS; empty: there is none, and these are the standard's objects.
-     * @param unreadable entries of the EDS that make no sense, each with why.
-     * @param fieldbus kind of its bus.
+     * The objects of a drive, of one axis of its node.
+     * @param node node number; on EtherCAT the position on the line.
+     * @param nodeAxis number of the axis among those of its node, from 0.
+     * @param edsSha256 digest of the drive's EDS; empty: it has none, and the objects are those of the standard.
+     * @param unreadable entries of the EDS that cannot be read, each with the reason.
+     * @param fieldbus kind of the bus.
      */
     public record DriveParameters(
             long axis, String bus, long node, long nodeAxis, String edsSha256, List<ParameterInfo> parameters,
@@ -662,12 +667,12 @@ public final class Messages {
     }
 
     /**
-     * Every mapped object of an axis in each cycle, around a trigger.
-     * @param cycles of them.
-     * @param cycleS [s].
-     * @param beginS of the first one, by the trigger, or 0 [s].
+     * Recording of every mapped object of an axis in each cycle, around a trigger.
+     * @param cycles number of cycles.
+     * @param cycleS length of a cycle [s].
+     * @param beginS time of the first cycle; the trigger is at time 0 [s].
      * @param triggerUnix Unix time of time 0 [s].
-     * @param missing SYNCs that the bus had too few.
+     * @param missing number of SYNCs that are missing in the recording.
      */
     public record DriveTrace(
             long axis, long cycles, double cycleS, double beginS, double triggerUnix, long missing, List<ScopeSignal>
@@ -686,16 +691,16 @@ public final class Messages {
     }
 
     /**
-     * What a motion tells of a loop in mode cst or csv.
-     * @param measured cst: inertia [kg·m²], friction [N·m], viscous [N·m·s/rad], load [N·m], explained,
-     *     uncertainty [1]; csv: scale [1], lag, uncertainty [s].
+     * Result of measuring an axis in mode cst or csv while it moves, and proposed gains of its loop.
+     * @param measured in mode cst inertia [kg·m²], friction [N·m], viscous [N·m·s/rad], load [N·m], explained and
+     *     uncertainty [1]; in mode csv scale [1], lag and uncertainty [s].
      * @param said the same in words.
-     * @param loops that of the machine file, then the proposed one.
-     * @param changes lines of the machine file; none: it fits.
-     * @param remedy what to do with them.
-     * @param frequencyHz the machine file's loop, opened, on the measured response; empty: it is not known.
-     * @param gainDb the machine file's loop, opened, on the measured response; empty: it is not known.
-     * @param phaseDeg the machine file's loop, opened, on the measured response; empty: it is not known.
+     * @param loops the loop with the gains of the machine file, then with the proposed ones.
+     * @param changes lines to change in the machine file; empty: its gains fit.
+     * @param remedy how to apply the changes.
+     * @param frequencyHz open-loop response with the gains of the machine file, as measured; empty: not known.
+     * @param gainDb open-loop response with the gains of the machine file, as measured; empty: not known.
+     * @param phaseDeg open-loop response with the gains of the machine file, as measured; empty: not known.
      */
     public record DriveTuning(
             long axis, LoopMode mode, Map<String, Double> measured, String said, List<TunedLoop> loops, List<String>
@@ -1024,7 +1029,12 @@ public final class Messages {
     /** What the machine looks like: a `ModelReply`. */
     public record ModelRequest() {}
 
-    /** One object that the machine file shows in telemetry (`monitor`); value null: none has come. */
+    /**
+     * A value of a drive: of an object that `monitor` in the machine file names, or of its own telemetry.
+     * @param value the newest one; null: none has come yet.
+     * @param index the object; index 0: it is telemetry.
+     * @param subindex the object; index 0: it is telemetry.
+     */
     public record MonitoredValue(String name, @Nil Object value, @Sparse long index, @Sparse long subindex) {}
 
     /**
@@ -1041,15 +1051,16 @@ public final class Messages {
     public record Need(String code, String message, String hint, @Sparse String confirm) {}
 
     /**
-     * One node while it was listened to.
-     * @param state NMT state of its last heartbeat; empty: none came.
-     * @param heartbeats that came.
-     * @param longestGapS between two of them, by this computer's clock.
-     * @param readings process data that it sent at SYNC.
-     * @param late those that came after the next SYNC.
-     * @param lost those that never came.
-     * @param bootUps times it started.
-     * @param emergencies the last ones, in words.
+     * Frames of a node that were counted while a bus was listened to.
+     * @param axes numbers of the machine's axes that the node has.
+     * @param state NMT state in the last heartbeat; empty: none came.
+     * @param heartbeats number of heartbeats.
+     * @param longestGapS longest time between two of them, by this computer's clock [s].
+     * @param readings number of TPDOs that the node sends at SYNC.
+     * @param late number of those that came after the next SYNC.
+     * @param lost number of those that never came.
+     * @param bootUps number of its boot-up messages.
+     * @param emergencies its last emergency messages in words.
      */
     public record NodeHealth(
             long node, List<Long> axes, @Sparse String state, @Sparse long heartbeats, @Sparse double longestGapS,
@@ -1185,12 +1196,12 @@ public final class Messages {
     public record PairClearance(List<String> bodies, double leastMm, double timeS, long line) {}
 
     /**
-     * One object of a drive's dictionary, as its EDS has it.
-     * @param name members behind their record: `Gear ratio.Motor revolutions`.
-     * @param type by which it is read.
+     * An object of a drive, as its EDS describes it.
+     * @param name name in the EDS; a member's follows that of its record: `Gear ratio.Motor revolutions`.
+     * @param type data type.
      * @param access ro, wo, rw, rwr, rww or const.
-     * @param low limits of the EDS; null: only those of the type.
-     * @param high limits of the EDS; null: only those of the type.
+     * @param low limits in the EDS; null: the limits of the type.
+     * @param high limits in the EDS; null: the limits of the type.
      */
     public record ParameterInfo(
             long index, long subindex, String name, SdoType type, String access, @Sparse Long low, @Sparse Long high) {}
@@ -1516,15 +1527,20 @@ public final class Messages {
     public record RunRequestsRequest() {}
 
     /**
-     * One node that answers on a bus.
-     * @param node on EtherCAT the position.
-     * @param profile of 1000h
+     * A node that answers on a bus.
+     * @param node node number; on EtherCAT the position on the line.
+     * @param profile number of the device profile, from 1000h.
      * @param what the same in words.
-     * @param modes of 6502h. vendor_id … serial: 1018h; null: it does not say.
-     * @param axis of the running machine, whose drive it is.
-     * @param eds a file that is its by vendor and product.
-     * @param objects what else it says of itself, by object, such as `"6091:1"`: encoder (608Fh), gear (6091h),
-     *     feed (6092h), rated torque (6076h [mN·m]), greatest speed of the motor (6080h [1/min]), travel (607Dh).
+     * @param vendorId identity 1018h; null: the node did not give it.
+     * @param productCode identity 1018h; null: the node did not give it.
+     * @param revision identity 1018h; null: the node did not give it.
+     * @param serial identity 1018h; null: the node did not give it.
+     * @param modes modes of operation that 6502h lists.
+     * @param axis axis of the running machine that this drive moves; null: no axis has it.
+     * @param eds path of the EDS file in the machine file, or of one with this vendor and product; empty: none was
+     *     found.
+     * @param objects values of further objects, by keys such as `"6091:1"`: encoder (608Fh), gear (6091h), feed
+     *     (6092h), rated torque (6076h [mN·m]), greatest motor speed (6080h [1/min]), travel limits (607Dh).
      */
     public record ScannedNode(
             long node, long profile, String what, @Sparse Long vendorId, @Sparse Long productCode, @Sparse Long
@@ -1532,10 +1548,10 @@ public final class Messages {
             Map<String, Long> objects) {}
 
     /**
-     * What one object had in each cycle.
-     * @param object such as `6064h:00`; empty: it is computed.
-     * @param unit empty: as the drive has it.
-     * @param values one a cycle, float64, little endian; NaN: nothing came.
+     * Values of an object in each cycle.
+     * @param object index and subindex, such as `6064h:00`; empty: the values were computed.
+     * @param unit unit of the values; empty: the drive's own.
+     * @param values one for each cycle, float64, little endian; NaN: no value came in it.
      */
     public record ScopeSignal(String object, String name, String unit, byte[] values) {}
 
@@ -1574,10 +1590,11 @@ public final class Messages {
     }
 
     /**
-     * An object's value, read or written; `bytes` are shown as text.
-     * @param node on EtherCAT its position.
-     * @param raw the bytes, little endian.
-     * @param fieldbus kind of its bus.
+     * Value of an object that was read or written.
+     * @param node node number; on EtherCAT the position on the line.
+     * @param value of the type `bytes` as hexadecimal text.
+     * @param raw the transferred bytes, little endian.
+     * @param fieldbus kind of the bus.
      */
     public record SdoReply(
             long axis, String bus, long node, long index, long subindex, SdoType type, Object value, byte[] raw,
@@ -1942,16 +1959,21 @@ public final class Messages {
             lifeMin, @Sparse double usedMin) {}
 
     /**
-     * Gains of a loop and what they leave.
-     * @param gains as in `[axis.drive]`.
-     * @param least share of the measured inertia (cst) down and up to which it is stable, or multiple of its gain
-     *     (csv, greatest alone); 0: it is not.
-     * @param greatest share of the measured inertia (cst) down and up to which it is stable, or multiple of its
-     *     gain (csv, greatest alone); 0: it is not.
-     * @param phaseDeg left.
-     * @param crossoverHz on the measured response, where it is known.
-     * @param measuredPhaseDeg on the measured response, where it is known.
-     * @param measuredGain multiple of the gains up to which it is stable on that; null: beyond what was measured.
+     * Gains of a control loop and its stability margins.
+     * @param gains by the keys of `[axis.drive]`.
+     * @param least in mode cst the least and the greatest inertia, as multiples of the measured one, with which
+     *     the loop is stable; in mode csv `greatest` alone, the multiple of its gain up to which it is stable; 0:
+     *     it is not stable.
+     * @param greatest in mode cst the least and the greatest inertia, as multiples of the measured one, with which
+     *     the loop is stable; in mode csv `greatest` alone, the multiple of its gain up to which it is stable; 0:
+     *     it is not stable.
+     * @param phaseDeg phase margin [deg].
+     * @param crossoverHz crossover frequency [Hz] and phase margin [deg] on the measured response; null: not
+     *     known.
+     * @param measuredPhaseDeg crossover frequency [Hz] and phase margin [deg] on the measured response; null: not
+     *     known.
+     * @param measuredGain multiple of the gains up to which the loop is stable on that response; null: more than
+     *     could be measured.
      */
     public record TunedLoop(
             String name, Map<String, Double> gains, double least, double greatest, double phaseDeg, @Sparse Double
