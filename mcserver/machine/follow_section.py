@@ -158,9 +158,10 @@ def check_followers(
         leader = numbers.get(index)
         if leader is not None and leader.index not in following | seconds:
             return leader
+        why = "is the second drive of a gantry" if index in seconds else "follows another one itself"
         mistakes.add(
             (*path, "follow", "leader"),
-            f"axis {index} is not there, or follows another one itself",
+            f"axis {index} {why if index in numbers else 'is not there'}",
             "name an [[axis]] of this file that programs or others move",
             "MC094",
         )
