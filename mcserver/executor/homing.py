@@ -218,8 +218,7 @@ class AxisHoming:
 
     def _approach(self) -> HomingPhase | None:
         if self._touches():
-            if self._moving:
-                self._halt()
+            self._halt()
             return HomingPhase.REFERENCE if self._homing.method == "index" else HomingPhase.BACK_OFF
         if not self._moving:
             raise self._fault(self._missing, self._homing.travel)
@@ -249,11 +248,8 @@ class AxisHoming:
 
     def _latch(self) -> HomingPhase | None:
         if self._touches():
-            if self._moving:
-                self._halt()
-            if not self._homing.index:
-                return HomingPhase.REFERENCE
-            return HomingPhase.INDEX
+            self._halt()
+            return HomingPhase.INDEX if self._homing.index else HomingPhase.REFERENCE
         if not self._moving:
             raise self._fault(self._missing, 2.0 * self._homing.back_off)
         return None
