@@ -242,9 +242,7 @@ def _speed(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Ba
         barrier = _energize(slot, control.axes, DriveMode.VELOCITY)
         if barrier is not None:
             return barrier
-    turning = control.axes & bank.torque_mode
-    for column in bank.masks.columns(turning):
-        hold_position(slot.cycle, 1 << column, slot.index, left)
+    hold_position(slot.cycle, control.axes & bank.torque_mode, slot.index, left)
     bank.power(control.axes, DriveMode.VELOCITY)
     for column in bank.masks.columns(control.axes):
         slot.cycle.motions.speed(column, slot.index, control.values[column], left, _surface_of(control))
