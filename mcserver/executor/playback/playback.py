@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ from mcserver.machine.machine_file import Machine
 from mcserver.motion.kernels.rate_changes import NEAR_U
 from mcserver.motion.kernels.rate_window import Window
 from mcserver.motion.kernels.row_interpolation import interpolate_rows, interpolation_bounds
+
+if TYPE_CHECKING:
+    from mcserver.executor.envelope import EnvelopeGuard
 
 # Rows that stay in the ring after they have been played: limits of setpoints near them depend on them.
 KEPT_ROWS = 8
@@ -30,12 +33,6 @@ class Jump:
     column: int
     distance: float
     allowed: float
-
-
-class RowGuard(Protocol):
-    """Admits rows: `mcserver.executor.envelope.EnvelopeGuard`."""
-
-    def admit(self, first: int, written: int) -> int: ...
 
 
 class Playback:
@@ -64,7 +61,7 @@ class Playback:
         self._scale_cells = scalar_view(ring.feed_scale)
         self._scratch = np.zeros(count)
         # None: all rows are admitted
-        self.guard: RowGuard | None = None
+        self.guard: EnvelopeGuard | None = None
         self.bounds = interpolation_bounds(
             np.array([axis.max_acceleration for axis in machine.axes]),
             np.array([axis.max_jerk for axis in machine.axes]),
