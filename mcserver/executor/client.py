@@ -12,9 +12,8 @@ from mcserver.drives.registry import create_buses
 from mcserver.errors import RuntimeFault
 from mcserver.executor.entries import ExecutorEvent
 from mcserver.executor.faces import ExecutorFaces
-from mcserver.executor.process_start import ExitCode, ProcessState, Start
+from mcserver.executor.process_start import ExitCode, ProcessState, Start, StoredReference
 from mcserver.executor.shm.shared_memory import SharedParts, create_block, map_block
-from mcserver.executor.stored_reference import StoredReference
 from mcserver.machine.machine_file import Machine
 from mcserver.processes import start_child
 

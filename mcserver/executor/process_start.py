@@ -6,7 +6,6 @@ import enum
 
 import msgspec
 
-from mcserver.executor.stored_reference import StoredReference
 from mcserver.machine.machine_file import Machine
 
 
@@ -26,6 +25,19 @@ class ExitCode(enum.IntEnum):
     BROKEN = 1
     SERVER_LOST = 3
     DRIVES = 4
+
+
+class StoredReference(msgspec.Struct, frozen=True):
+    """The reference of an axis, as stored by the server from one start to the next.
+
+    Attributes:
+        offset: position minus encoder reading [m or rad].
+        reading: reading of the encoder now for which the reference is valid [m or rad]; None: valid at any,
+            for an absolute encoder.
+    """
+
+    offset: float
+    reading: float | None = None
 
 
 class Start(msgspec.Struct, frozen=True):

@@ -15,13 +15,13 @@ from mcserver.executor.block import Block, LineEvents
 from mcserver.executor.entries import Array, EventKind, ExecutorEvent
 from mcserver.executor.executor import Executor
 from mcserver.executor.faces import ExecutorFaces
+from mcserver.executor.process_start import StoredReference
 from mcserver.executor.shm.event_ring import EventRing
 from mcserver.executor.shm.feedback import FeedbackRing
 from mcserver.executor.shm.mailbox import SLOTS, CommandMailbox
 from mcserver.executor.shm.rings import CONTROLS, ROWS, ProgramRing
 from mcserver.executor.shm.shared_memory import SharedParts
 from mcserver.executor.stopping import StopTimes, torque_axes
-from mcserver.executor.stored_reference import StoredReference
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.start_state import StartState
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mcserver.drives.simulated import SimulatedBus
 from mcserver.executor.entries import ControlKind, EventKind, ExecutorEvent, HomingPhase
-from mcserver.executor.stored_reference import StoredReference
+from mcserver.executor.process_start import StoredReference
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.executor.rig import Array, Program

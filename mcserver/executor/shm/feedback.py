@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -85,6 +86,14 @@ class SlotFeedback:
     rate: float
     state: SlotState
     generation: int
+
+
+class SlotView(msgspec.Struct, frozen=True):
+    """One slot in the newest cycle: u [cycles], playback rate and override of its program [1]."""
+
+    u: float
+    rate: float
+    override: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -329,11 +338,10 @@ class FeedbackRing:
             row[_HEAD + block * self._axes : _HEAD + (block + 1) * self._axes].copy()
             for block in range(_BLOCKS)
         ]
-        slots_at = _HEAD + _BLOCKS * self._axes
-        slots = []
-        for slot in range(SLOTS):
-            u, rate, state, generation = row[slots_at + slot * _SLOT : slots_at + (slot + 1) * _SLOT].tolist()
-            slots.append(SlotFeedback(u, rate, SlotState(int(state)), int(generation)))
+        slots = [
+            SlotFeedback(u, rate, SlotState(int(state)), int(generation))
+            for u, rate, state, generation in self.slots_of(row[None])[0].tolist()
+        ]
         inputs, outputs, owners = _io_blocks(row, self._axes, self._inputs, self._outputs)
         return FeedbackState(
             time=float(row[TIME]),
