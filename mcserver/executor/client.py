@@ -12,7 +12,7 @@ from mcserver.drives.registry import create_buses
 from mcserver.errors import RuntimeFault
 from mcserver.executor.entries import ExecutorEvent
 from mcserver.executor.faces import ExecutorFaces
-from mcserver.executor.process_start import ExitCode, ProcessState, Start, StoredReference
+from mcserver.executor.process_start import ExitCode, Start, StoredReference
 from mcserver.executor.shm.shared_memory import SharedParts, create_block, map_block
 from mcserver.machine.machine_file import Machine
 from mcserver.processes import start_child
@@ -196,11 +196,6 @@ class ExecutorProcess(ExecutorFaces):
     def pid(self) -> int | None:
         """Id of the process."""
         return None if self._process is None else self._process.pid
-
-    @property
-    def state(self) -> ProcessState:
-        """State that the process reports."""
-        return ProcessState(self.mailbox.executor_state)
 
     # ------------------------------------------------------------------ its faces
 

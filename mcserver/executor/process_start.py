@@ -1,4 +1,4 @@
-"""Start parameters, states and exit codes of the executor's process: all that the server imports of it."""
+"""Start parameters and exit codes of the executor's process: all that the server imports of it."""
 
 from __future__ import annotations
 
@@ -7,15 +7,6 @@ import enum
 import msgspec
 
 from mcserver.machine.machine_file import Machine
-
-
-class ProcessState(enum.IntEnum):
-    """State of the executor's process, in the mailbox."""
-
-    STARTING = 0
-    RUNNING = 1
-    SERVER_LOST = 2
-    ENDED = 3
 
 
 class ExitCode(enum.IntEnum):
