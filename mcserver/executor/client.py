@@ -10,7 +10,6 @@ from collections.abc import Mapping
 
 from mcserver.drives.registry import create_buses
 from mcserver.errors import RuntimeFault
-from mcserver.executor.entries import ExecutorEvent
 from mcserver.executor.faces import ExecutorFaces
 from mcserver.executor.process_start import ExitCode, Start, StoredReference
 from mcserver.executor.shm.shared_memory import SharedParts, create_block, map_block
@@ -208,10 +207,6 @@ class ExecutorProcess(ExecutorFaces):
     def beat(self) -> None:
         """Signal that the server lives; to be called at least every 50 ms from the first call on."""
         self.mailbox.beat()
-
-    def events(self) -> list[ExecutorEvent]:
-        """Return the reports since the last call, in order."""
-        return self.parts.events.take()
 
     @property
     def epoch(self) -> float:

@@ -31,7 +31,6 @@ from mcserver.executor.shm.feedback import (
     INTERLOCK,
     LATE,
     LINE,
-    LOST_EVENTS,
     TIME,
     FeedbackRing,
     FeedbackRow,
@@ -96,7 +95,6 @@ class Executor:
         self._cycle.shifted += [slot.playback.shift for slot in self._slots]
         self._mailbox = mailbox
         self._feedback = feedback
-        self._events = events
         self._changes = -1
         self._stop_seen = self._reset_seen = 0
         self._estop_seen = mailbox.estop
@@ -123,11 +121,6 @@ class Executor:
     def u(self, slot: int) -> float:
         """Return u of the program in a slot [cycles]."""
         return self._slots[slot].u
-
-    def feed_scale(self, slot: int) -> float:
-        """Return the feed scale of the present rows of a program, at least 1."""
-        playing = self._slots[slot]
-        return playing.playback.feed_scale(playing.u)
 
     def line(self) -> int:
         """Return the line that set the latest cycle's row; 0: none."""
@@ -483,7 +476,6 @@ class Executor:
         cells[TIME] = self._cycle.time
         cells[CYCLE] = self._cycle.number
         cells[LATE] = self.late_cycles
-        cells[LOST_EVENTS] = self._events.lost
         self._lines.append(self._line())
         cells[LINE] = self.line()
         cells[ESTOP] = self._cycle.estop

@@ -158,12 +158,6 @@ class Pipeline:
         self._plan.abort()
 
     @property
-    def finished(self) -> bool:
-        """Whether everything, the program's end included, has been handed over."""
-        handing_over = self._plan.output.blocked or self._plan.source is not None
-        return self._phase is Phase.FINISHED and not handing_over
-
-    @property
     def waiting(self) -> bool:
         """Whether planning waits for the executor to report positions."""
         return self._plan.waiting_for is not None

@@ -74,7 +74,6 @@ class Simulation:
         times: of its lines. last_line: how many there are.
         exit_code: 0, 1 (a fault while running) or 4 (rejected).
         recording: one row a cycle in mm and degrees, if asked for.
-        feed_length: linear part of all G01-G03 commands [m].
         energized: numbers of the axes that are energized at the end.
         end: the state that it leaves behind; None: nothing was run.
         inputs_read: columns of inputs that it reads.
@@ -87,7 +86,6 @@ class Simulation:
     report: dict[str, Any]
     exit_code: int
     recording: Recorded | None = None
-    feed_length: float = 0.0
     energized: frozenset[int] = frozenset()
     end: StartState | None = None
     inputs_read: frozenset[int] = frozenset()
@@ -252,7 +250,6 @@ class Run:
             report,
             0 if report["ok"] else 1,
             self._recorder.recording(),
-            self._feed_length,
             self._with_condition(_ENERGIZED),
             self._end_state(),
             frozenset(self._inputs_read),

@@ -6,14 +6,15 @@ from typing import Any
 
 from mckinematics.pose import Kinematics
 
-from mcserver.executor.entries import Array, EventKind, ExecutorEvent
+from mcserver.executor.entries import Array, EventKind
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.pipeline import Pipeline
 from mcserver.planning.start_state import StartState
 from mcserver.simulation.virtual_executor import VirtualExecutor
+from tests.executor.rig import Watched
 
 
-class Planned:
+class Planned(Watched):
     """All lines of a text, from the planner to the drives.
 
     Args:
@@ -36,7 +37,7 @@ class Planned:
         self.machine = made
         self.rows: list[Array] = []
         self.actuals: list[Array] = []
-        self.events: list[ExecutorEvent] = []
+        self.events = []
         self.executor = VirtualExecutor(made, recorder=self._record, homed=homed)
         self.sink = self.executor.open_slot(0, **slot)
         self.pipeline = Pipeline(made, self.sink, start=start or StartState.of(made), kinematics=kinematics)
@@ -59,10 +60,3 @@ class Planned:
     @property
     def ended(self) -> bool:
         return any(each.kind in (EventKind.FINISHED, EventKind.STOPPED) for each in self.events)
-
-    def of(self, kind: EventKind) -> list[ExecutorEvent]:
-        return [event for event in self.events if event.kind is kind]
-
-    @property
-    def faults(self) -> list[int]:
-        return [event.code for event in self.of(EventKind.FAULT)]

@@ -24,9 +24,9 @@ CYCLES = 2048
 GUARD = 8
 
 _HEADER_WORDS = 8
-TIME, CYCLE, LATE, LOST_EVENTS, LINE, ESTOP, INTERLOCK, _HOMED, _SILENT = (*range(8), 9)
+TIME, CYCLE, LATE, LINE, ESTOP, INTERLOCK, _HOMED, _SILENT = (*range(7), 8)
 _HALF = (1 << 32) - 1
-_HEAD = 11
+_HEAD = 10
 SLOT_U, SLOT_RATE, SLOT_STATE, SLOT_GENERATION = range(4)
 _SLOT = 4
 
@@ -101,7 +101,7 @@ class FeedbackState:
     """The machine in one cycle; arrays of shape (K,), SI.
 
     Attributes:
-        time: [s]. cycle: its number. late_cycles, lost_events: counts since the start.
+        time: [s]. cycle: its number. late_cycles: count since the start.
         line: line that set this cycle's row, 0 where none runs. estop: the emergency stop is latched.
         homed: mask of the homed columns.
         setpoint, velocity: commanded. actual, actual_velocity, torque: from the drives.
@@ -114,7 +114,6 @@ class FeedbackState:
     time: float
     cycle: int
     late_cycles: int
-    lost_events: int
     line: int
     estop: bool
     setpoint: Array
@@ -347,7 +346,6 @@ class FeedbackRing:
             time=float(row[TIME]),
             cycle=int(row[CYCLE]),
             late_cycles=int(row[LATE]),
-            lost_events=int(row[LOST_EVENTS]),
             line=int(row[LINE]),
             estop=bool(row[ESTOP]),
             setpoint=blocks[0],
