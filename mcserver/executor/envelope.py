@@ -16,11 +16,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mcserver.executor.axis_motion import Motion, MotionKind
-from mcserver.executor.barriers import BarrierFault
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.entries import Array, Control, ControlKind
 from mcserver.executor.envelope_bounds import Envelope, TipEnvelope
-from mcserver.executor.fault_codes import FaultCode
+from mcserver.executor.fault_codes import BarrierFault, FaultCode
 from mcserver.executor.shm.feedback import SlotState
 from mcserver.executor.shm.rings import ProgramRing
 from mcserver.executor.target_follower import Bounds
