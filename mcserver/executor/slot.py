@@ -10,14 +10,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.executor.barriers import Barrier, BarrierFault, Paused, Settled
+from mcserver.executor.barriers import Barrier, Paused, Settled
 from mcserver.executor.block import LineEvents, Passing, passing_cycles, passing_times
 from mcserver.executor.control_queue import WAITING, ControlQueue
 from mcserver.executor.control_rules import pass_control
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.entries import Array, Control, ControlKind, EventKind
 from mcserver.executor.envelope import EnvelopeGuard
-from mcserver.executor.fault_codes import FaultCode
+from mcserver.executor.fault_codes import BarrierFault, FaultCode
 from mcserver.executor.holding import stop_independent
 from mcserver.executor.playback.playback import Playback
 from mcserver.executor.playback.rate_control import RateControl
@@ -315,7 +315,7 @@ class ProgramSlot:
                 self.playback.leave(self.playback.active)
         elif self.line:
             self.shown_line = self.line
-        self.playback.note()
+        self.playback.note(self.cycle.row.ordered[None])
         if self._state is SlotState.STOPPING:
             self._finish_stop()
         elif self.running:
@@ -371,7 +371,7 @@ class ProgramSlot:
         """
         if self.barrier is not None:
             self.barrier.skip(len(setpoints))
-            self.playback.note_all(setpoints)
+            self.playback.note(setpoints)
             self.shown_line = self.line
             return Passing(LineEvents.none(self.index))
         start, cycle_s = self.u, self.cycle.cycle_s

@@ -173,10 +173,7 @@ class Playback:
                 at = number % ring.rows
                 resting = bools & self._masks.bools(self._mask_cells[at]) & (ring.velocity[at] == 0.0)
                 np.copyto(self._row.ordered, ring.position[at], where=resting)
-        self._row.ordered_velocity[bools] = 0.0
-        self.active &= ~mask
-        self._fresh &= ~mask
-        self._unchecked &= ~mask
+        self.leave(mask)
         if not self.active:
             # rows up to here are not the first row of a later motion, even of one that begins at this u
             self.first = self.following
@@ -275,10 +272,10 @@ class Playback:
         """Skip to u after a block that has played the rows before; ``setpoints``: its own, shape (n, K)."""
         self.seek(u)
         self.line = self._line_cells[(self.following - 1) % self._ring.rows]
-        self.note_all(setpoints)
+        self.note(setpoints)
 
-    def note_all(self, setpoints: Array) -> None:
-        """Record the setpoints of several cycles, shape (n, K)."""
+    def note(self, setpoints: Array) -> None:
+        """Record the setpoints of cycles, once they are set, shape (n, K)."""
         for setpoint in setpoints[-4:]:
             self._recent[self._cycles & 3] = setpoint
             self._cycles += 1
@@ -295,11 +292,6 @@ class Playback:
                 self._play_row(at, rate)
                 return
         self._interpolate(u, rate)
-
-    def note(self) -> None:
-        """Record this cycle's setpoints, once they are set."""
-        self._recent[self._cycles & 3] = self._row.ordered
-        self._cycles += 1
 
     def _recent_setpoints(self) -> Array:
         """Return the setpoints of the last three cycles, the newest last, shape (3, K)."""
@@ -400,11 +392,8 @@ class Playback:
             self._lead_in(column, at, after_u, u, rate)
 
     def _started_by(self, u: int) -> int:
-        mask = 0
-        for column in self._masks.columns(self._fresh):
-            if self._start_u[column] <= u + NEAR_U:
-                mask |= 1 << column
-        return mask
+        columns = self._masks.columns(self._fresh)
+        return sum(1 << column for column in columns if self._start_u[column] <= u + NEAR_U)
 
     def _lead_in(self, column: int, at: int, after_u: int, u: float, rate: float) -> None:
         """Interpolate from rest at an axis's start position to its first row."""
