@@ -83,11 +83,10 @@ class VirtualExecutor(ExecutorFaces):
         Raises:
             RuntimeError: a drive does not energize.
         """
-        columns = {axis.index: column for column, axis in enumerate(self.machine.axes)}
         self.executor.mount(start.tool)
         self.executor.assume(
-            energized=sum(1 << columns[axis] for axis in start.energized),
-            homed=sum(1 << columns[axis] for axis in start.homed),
+            energized=self.machine.mask_of(start.energized),
+            homed=self.machine.mask_of(start.homed),
             inputs=start.inputs,
             outputs=start.outputs,
         )
