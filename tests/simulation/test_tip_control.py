@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from pathlib import Path
 
 import numpy as np
@@ -16,12 +15,12 @@ from mcserver.motion.canonical import FeedGroup, MotionLine
 from mcserver.planning.start_state import StartState
 from mcserver.planning.state_before import state_before
 from mcserver.simulation.simulation import simulate
+from tests.motion.measure import from_polyline
 
 from .five_axes import (
     HEAD_HEAD,
     HEAD_TABLE,
     TABLE_TABLE,
-    Array,
     FiveAxes,
     assert_within_limits,
     at_end,
@@ -36,15 +35,6 @@ ROOT = Path(__file__).parents[2]
 TOLERANCE, PATH = 0.02, 0.01
 ROTARY = {id(TABLE_TABLE): (3, 5), id(HEAD_TABLE): (4, 5), id(HEAD_HEAD): (4, 5)}
 BEGIN = "G10 L2 P1 X5 Y-7 Z-200\nG54 G64\nG43.4 H1"
-
-
-def off(points: Array, corners: Array) -> Array:
-    """Distance of points from a polyline [mm]."""
-    found = np.full(len(points), np.inf)
-    for a, b in itertools.pairwise(corners):
-        along = np.clip((points - a) @ (b - a) / max((b - a) @ (b - a), 1e-12), 0.0, 1.0)
-        found = np.minimum(found, np.linalg.norm(points - (a + along[:, None] * (b - a)), axis=1))
-    return found
 
 
 @pytest.mark.parametrize("mill", [TABLE_TABLE, HEAD_TABLE, HEAD_HEAD], ids=["tables", "mixed", "heads"])
@@ -66,7 +56,7 @@ def test_the_tip_keeps_its_line_on_the_work_piece_and_its_feed_while_rotary_axes
     positions = rows(found, machine)
     points = tips(mill, positions)
     feeding = found.recording.line > 4
-    assert off(points[feeding], corners).max() <= TOLERANCE + PATH
+    assert from_polyline(points[feeding], corners) <= TOLERANCE + PATH
     assert np.abs(points[-1] - corners[-1]).max() < 1e-6
     assert [positions[axis][-1] for axis in (first, second)] == pytest.approx(turns[-1], abs=1e-9)
     speed = np.linalg.norm(np.diff(points[feeding], axis=0), axis=1) * 1000.0 * 60.0
@@ -92,7 +82,7 @@ def test_chords_flow_as_one_curve_within_the_tolerance_and_the_feed_at_the_tip(
     assert found.recording is not None
     points = tips(mill, rows(found, machine))
     feeding = found.recording.line > 5
-    assert off(points[feeding], corners).max() <= TOLERANCE + PATH
+    assert from_polyline(points[feeding], corners) <= TOLERANCE + PATH
     assert (np.linalg.norm(np.diff(points[feeding], axis=0), axis=1) * 6e4).max() <= 1800.0 * 1.001
     asked = float(np.linalg.norm(np.diff(corners, axis=0), axis=1).sum()) / 30.0
     assert feeding.sum() * 0.001 <= 1.05 * asked
@@ -121,7 +111,7 @@ def test_rotary_axes_go_evenly_along_the_line_and_a_rapid_is_straight(tmp_path: 
         line = found.recording.line == number
         a = points[line][0] if number == 4 else np.array(begin, dtype=float)
         b = np.array(end, dtype=float)
-        assert off(points[line], np.array([a, b])).max() <= PATH
+        assert from_polyline(points[line], np.array([a, b])) <= PATH
         share = (points[line] - a) @ (b - a) / ((b - a) @ (b - a))
         for axis in (3, 5):
             q = positions[axis][line]
