@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, Self
 
 from mckinematics.pose import Kinematics
 
@@ -56,6 +57,15 @@ class Planned(Watched):
             for event in self.executor.events():
                 self.pipeline.on_event(event)
                 self.events.append(event)
+
+    def run(self, script: Callable[[int], None] = lambda _: None, limit: int = 120_000) -> Self:
+        """To the program's end; ``script`` is called with each cycle's number before it."""
+        for cycle in range(limit):
+            script(cycle)
+            self.step()
+            if self.ended:
+                return self
+        raise AssertionError(f"no end: {self.events[-5:]}")
 
     @property
     def ended(self) -> bool:
