@@ -103,18 +103,15 @@ class ExecutorProcess(ExecutorFaces):
             code = process.poll()
             if code is not None or time.monotonic() > deadline:
                 self.kill()
-                what = (
-                    f"ended with code {code}" if code is not None else f"did not come up in {timeout_s:g} s"
-                )
+                what, why = f"ended with code {code}", "see what it wrote to standard error"
                 if code is None:
+                    what = f"did not come up in {timeout_s:g} s"
                     why = (
                         "the computer is busy, or still compiles for its first start: start the server "
                         "again, what has been compiled is kept"
                     )
                 elif code == ExitCode.DRIVES:
                     why = "the line above says which drive, and why"
-                else:
-                    why = "see what it wrote to standard error"
                 raise RuntimeFault("MC422", f"the executor's process {what}", why)
             time.sleep(_POLL_S)
 
