@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mcserver.machine.compensation_section import Limits
+from mcserver.machine.coupled_errors import Limits
 from mcserver.machine.machine_file import Machine
 
 # what velocity, acceleration and jerk may be of their limits
