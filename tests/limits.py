@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mcserver.machine.coupled_errors import Limits
 from mcserver.machine.machine_file import Machine
 
 # what velocity, acceleration and jerk may be of their limits
@@ -14,10 +15,13 @@ SLACK = (1.001, 1.01, 1.05)
 EXACTLY = (1.0 + 1e-6,) * 3
 
 
-def limits_of(machine: Machine) -> list[list[float]]:
-    """Velocity, acceleration and jerk of each axis."""
-    names = ("max_velocity", "max_acceleration", "max_jerk")
-    return [[getattr(axis, name) for axis in machine.axes] for name in names]
+def limits_of(machine: Machine, *, whole: bool = False) -> list[list[float]]:
+    """Velocity, acceleration and jerk of each axis; ``whole``: with what is kept from programs."""
+    none = Limits(0.0, 0.0, 0.0)
+    axes = [(axis, axis.reserved if whole and axis.reserved else none) for axis in machine.axes]
+    return [
+        [getattr(axis, f"max_{name}") + getattr(kept, name) for axis, kept in axes] for name in none._fields
+    ]
 
 
 def broken_limits(

@@ -42,16 +42,10 @@ class _Port:
 
     bus: DriveBus
     index: NDArray[np.intp] | None  # None: the bus drives all columns
+    columns: NDArray[np.intp] | slice
     setpoints: Setpoints
     feedback: Feedback
     foresees: ForeseeingBus | None  # the bus, where it can
-
-    @classmethod
-    def of(
-        cls, bus: DriveBus, index: NDArray[np.intp] | None, setpoints: Setpoints, feedback: Feedback
-    ) -> _Port:
-        # checked once: isinstance of a protocol takes longer than all else in a cycle of three axes
-        return cls(bus, index, setpoints, feedback, bus if isinstance(bus, ForeseeingBus) else None)
 
 
 @dataclass(frozen=True)
@@ -107,6 +101,7 @@ class AxisBank:
     def __init__(self, machine: Machine, buses: Sequence[DriveBus], row: FeedbackRow) -> None:
         count = len(machine.axes)
         self.row = row
+        self._cycle = machine.cycle_s
         self.masks = ColumnMasks(count)
         self.shaper: Shaper | None = None
         self.pairs = [
@@ -119,8 +114,9 @@ class AxisBank:
         self.torque: Array = np.zeros(count)
         self.goal: Array = np.full(count, np.nan)
         self.goal_speed: Array = np.zeros(count)
-        shifts = machine_shifts(machine) or machine.compensated
-        self._goal_target: Array = np.full(count, np.nan) if shifts else self.goal
+        # a drive of an axis with a reference is commanded in encoder readings
+        self._shifts = machine_shifts(machine) or machine.compensated
+        self._goal_target: Array = np.full(count, np.nan) if self._shifts else self.goal
         self._mode = np.full(count, DriveMode.OFF, np.int8)
         self.fresh = np.ones(count, np.bool_)
         self.states = np.zeros(count, np.int8)
@@ -129,9 +125,7 @@ class AxisBank:
         self.delayed = np.zeros(count, np.bool_)
         self.delay_cycles = 0
         self.offset: Array = np.zeros(count)
-        # a drive of an axis with a reference is commanded in encoder readings
         self.compensator = Compensator(machine, row) if machine.compensated else None
-        self._shifts = machine_shifts(machine) or machine.compensated
         self._target: Array = np.zeros(count) if self._shifts else row.setpoint
         self._rate: Array = np.zeros(count) if machine.compensated else row.velocity
         self.inputs = np.zeros(count, np.int32)
@@ -140,7 +134,6 @@ class AxisBank:
         self.index_at = np.full(count, np.nan)
         self._state_bytes = self.states.tobytes()
         self._all_fresh = self.fresh.tobytes()
-        self._cycle = machine.cycle_s
         # below this speed an axis can be stopped in one cycle
         self.standing_speed: Array = np.array([axis.max_acceleration for axis in machine.axes]) * self._cycle
         self.all = (1 << count) - 1
@@ -165,24 +158,23 @@ class AxisBank:
 
     def _attach(self, bus: DriveBus, count: int) -> None:
         feedback = bus.boot()
-        columns = bus.columns
         row = self.row
-        if columns == tuple(range(count)):
-            own = Setpoints(
+        index = None if bus.columns == tuple(range(count)) else np.array(bus.columns, np.intp)
+        columns = slice(None) if index is None else index
+        setpoints = Setpoints.of(len(bus.columns))
+        if index is None:
+            setpoints = Setpoints(
                 self._mode, self._target, self._rate, self.torque, self._goal_target, self.goal_speed
             )
-            port = _Port.of(bus, None, own, feedback)
-        else:
-            port = _Port.of(bus, np.array(columns, np.intp), Setpoints.of(len(columns)), feedback)
-        self._ports.append(port)
-        row.actual[list(columns)] = feedback.position
-        row.setpoint[list(columns)] = row.ordered[list(columns)] = feedback.position
+        # checked once: isinstance of a protocol takes longer than all else in a cycle of three axes
+        foresees = bus if isinstance(bus, ForeseeingBus) else None
+        self._ports.append(_Port(bus, index, columns, setpoints, feedback, foresees))
+        row.actual[columns] = row.setpoint[columns] = row.ordered[columns] = feedback.position
         if bus.delay_cycles:
-            self.delayed[list(columns)] = True
+            self.delayed[columns] = True
             self.delay_cycles = max(self.delay_cycles, bus.delay_cycles)
         if bus.follows_exactly:
-            for column in columns:
-                self.exact |= 1 << column
+            self.exact |= sum(1 << column for column in bus.columns)
 
     def close(self) -> None:
         """De-energize every drive and close the buses."""
@@ -191,12 +183,7 @@ class AxisBank:
 
     def events(self) -> list[BusEvent]:
         """Take the events of the buses since the last call."""
-        events: list[BusEvent] = []
-        for port in self._ports:
-            said = port.bus.events()
-            if said:
-                events += said
-        return events
+        return [event for port in self._ports for event in port.bus.events()]
 
     @property
     def buses(self) -> list[DriveBus]:
@@ -224,16 +211,8 @@ class AxisBank:
             if self._profiled:
                 np.subtract(self.goal, self.offset, out=self._goal_target)
         for port in self._ports:
-            index = port.index
-            if index is None:
-                feedback = port.bus.exchange(port.setpoints)
-                row.actual[:] = feedback.position
-                row.actual_velocity[:] = feedback.velocity
-                row.torque[:] = feedback.torque
-                self.states[:] = feedback.state
-                self.fresh[:] = feedback.fresh
-            else:
-                setpoints = port.setpoints
+            index, columns, setpoints = port.index, port.columns, port.setpoints
+            if index is not None:
                 np.take(self._mode, index, out=setpoints.mode, mode="clip")
                 np.take(self._target, index, out=setpoints.position, mode="clip")
                 np.take(self._rate, index, out=setpoints.velocity, mode="clip")
@@ -241,12 +220,12 @@ class AxisBank:
                 if self._profiled:
                     np.take(self._goal_target, index, out=setpoints.goal, mode="clip")
                     np.take(self.goal_speed, index, out=setpoints.goal_speed, mode="clip")
-                feedback = port.bus.exchange(setpoints)
-                row.actual[index] = feedback.position
-                row.actual_velocity[index] = feedback.velocity
-                row.torque[index] = feedback.torque
-                self.states[index] = feedback.state
-                self.fresh[index] = feedback.fresh
+            feedback = port.bus.exchange(setpoints)
+            row.actual[columns] = feedback.position
+            row.actual_velocity[columns] = feedback.velocity
+            row.torque[columns] = feedback.torque
+            self.states[columns] = feedback.state
+            self.fresh[columns] = feedback.fresh
         if self._shifts:
             row.actual += self.offset
             self._read_marks()
@@ -265,12 +244,11 @@ class AxisBank:
     def _read_marks(self) -> None:
         """Read switches and indices of the drives, as positions."""
         for port in self._ports:
-            index: NDArray[np.intp] | slice = slice(None) if port.index is None else port.index
             feedback = port.feedback
-            self.inputs[index] = feedback.inputs
-            self.switch_at[index] = feedback.switch_at
-            self.indices[index] = feedback.indices
-            self.index_at[index] = feedback.index_at
+            self.inputs[port.columns] = feedback.inputs
+            self.switch_at[port.columns] = feedback.switch_at
+            self.indices[port.columns] = feedback.indices
+            self.index_at[port.columns] = feedback.index_at
         self.switch_at += self.offset
         self.index_at += self.offset
 
@@ -328,13 +306,12 @@ class AxisBank:
         for port in lagging:
             bus = port.foresees
             assert bus is not None
-            columns = slice(None) if port.index is None else port.index
-            ahead = bus.foresee(setpoint[:count, columns], velocity[:count, columns])
+            ahead = bus.foresee(setpoint[:count, port.columns], velocity[:count, port.columns])
             found.append((bus, ahead))
             count = min(count, len(ahead.actual))
         actual = actual[:count].copy()
         for port, (_, ahead) in zip(lagging, found, strict=True):
-            actual[:, slice(None) if port.index is None else port.index] = ahead.actual[:count]
+            actual[:, port.columns] = ahead.actual[:count]
         return Ahead(actual, tuple(found))
 
     def _lead_starting(self) -> None:
@@ -372,9 +349,8 @@ class AxisBank:
         self.dropped = self.energized & ~energized & ~faulty
         if self.failed:
             for port in self._ports:
-                columns = list(port.bus.columns)
-                self.drive_fault[columns] = port.feedback.fault
-                self.drive_detail[columns] = port.feedback.detail
+                self.drive_fault[port.columns] = port.feedback.fault
+                self.drive_detail[port.columns] = port.feedback.detail
         done = (self.resetting | self.stopping) & off
         if done:
             self.resetting &= ~done

@@ -13,7 +13,7 @@ import numpy as np
 from mcserver.executor.coupling import Coupling
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.entries import Array
-from mcserver.executor.fault_codes import FaultCode, code_of_drive_fault
+from mcserver.executor.fault_codes import BarrierFault, FaultCode, code_of_drive_fault
 from mcserver.motion.canonical import WaitMode
 
 # Time in which a drive has to carry out a command [s].
@@ -21,16 +21,6 @@ DRIVE_TIMEOUT_S = 5.0
 NEAR_ZERO = 1e-12
 # Time in which a coupled axis has to get into step with its leader [s].
 STEP_TIMEOUT_S = 10.0
-
-
-class BarrierFault(Exception):
-    """The barrier cannot be passed: the program is at fault."""
-
-    def __init__(self, code: FaultCode, column: int, values: tuple[float, ...] = ()) -> None:
-        super().__init__(code.name)
-        self.code = code
-        self.column = column
-        self.values = values
 
 
 class Barrier:

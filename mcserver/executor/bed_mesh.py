@@ -9,11 +9,10 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
-from mcserver.executor.barriers import BarrierFault
 from mcserver.executor.compensation import Compensator
 from mcserver.executor.entries import Array
 from mcserver.executor.error_tables import MeshErrors
-from mcserver.executor.fault_codes import FaultCode
+from mcserver.executor.fault_codes import BarrierFault, FaultCode
 from mcserver.machine.compensation_section import LEAST_FOR_BACKLASH
 from mcserver.machine.coupled_errors import share_needed
 from mcserver.machine.machine_file import Machine

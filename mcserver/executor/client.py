@@ -10,11 +10,9 @@ from collections.abc import Mapping
 
 from mcserver.drives.registry import create_buses
 from mcserver.errors import RuntimeFault
-from mcserver.executor.entries import ExecutorEvent
 from mcserver.executor.faces import ExecutorFaces
-from mcserver.executor.process_start import ExitCode, ProcessState, Start
+from mcserver.executor.process_start import ExitCode, Start, StoredReference
 from mcserver.executor.shm.shared_memory import SharedParts, create_block, map_block
-from mcserver.executor.stored_reference import StoredReference
 from mcserver.machine.machine_file import Machine
 from mcserver.processes import start_child
 
@@ -105,18 +103,15 @@ class ExecutorProcess(ExecutorFaces):
             code = process.poll()
             if code is not None or time.monotonic() > deadline:
                 self.kill()
-                what = (
-                    f"ended with code {code}" if code is not None else f"did not come up in {timeout_s:g} s"
-                )
+                what, why = f"ended with code {code}", "see what it wrote to standard error"
                 if code is None:
+                    what = f"did not come up in {timeout_s:g} s"
                     why = (
                         "the computer is busy, or still compiles for its first start: start the server "
                         "again, what has been compiled is kept"
                     )
                 elif code == ExitCode.DRIVES:
                     why = "the line above says which drive, and why"
-                else:
-                    why = "see what it wrote to standard error"
                 raise RuntimeFault("MC422", f"the executor's process {what}", why)
             time.sleep(_POLL_S)
 
@@ -198,11 +193,6 @@ class ExecutorProcess(ExecutorFaces):
         """Id of the process."""
         return None if self._process is None else self._process.pid
 
-    @property
-    def state(self) -> ProcessState:
-        """State that the process reports."""
-        return ProcessState(self.mailbox.executor_state)
-
     # ------------------------------------------------------------------ its faces
 
     @property
@@ -214,10 +204,6 @@ class ExecutorProcess(ExecutorFaces):
     def beat(self) -> None:
         """Signal that the server lives; to be called at least every 50 ms from the first call on."""
         self.mailbox.beat()
-
-    def events(self) -> list[ExecutorEvent]:
-        """Return the reports since the last call, in order."""
-        return self.parts.events.take()
 
     @property
     def epoch(self) -> float:

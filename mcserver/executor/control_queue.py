@@ -102,11 +102,14 @@ class ControlQueue:
         if control.kind in WAITING:
             _leave(self._stops, control.u + NEAR_U)
 
-    def note(self, u: float) -> None:
+    def note(self, u: float = math.inf) -> None:
         """Note new entries, and the edges before which motion has to be able to stop.
 
         An entry is noted only once the rows that belong to it have come: else u would run on past a motion
         that begins.
+
+        Args:
+            u: of the program; inf, on a virtual clock: as many as there are.
         """
         ring, playback = self._ring, self._playback
         playback.look()
@@ -121,21 +124,6 @@ class ControlQueue:
             self.last_u = at
             number += 1
         self.noted = number
-
-    def note_all(self) -> None:
-        """Note all new entries, without the bound of `note`; for a virtual clock."""
-        ring, playback = self._ring, self._playback
-        playback.look()
-        places = np.arange(self.noted, ring.controls_written) % ring.controls
-        early = ring.entry_rows[places] > playback.written
-        if early.any():
-            places = places[: int(np.argmax(early))]
-        if not len(places):
-            return
-        for index in np.flatnonzero(ring.entry_kind[places] > _LAST_EDGE).tolist():
-            self._note(ring.control(self.noted + index))
-        self.last_u = float(ring.entry_u[places[-1]])
-        self.noted += len(places)
 
     def _note(self, control: Control) -> None:
         if control.kind is ControlKind.BEGIN:

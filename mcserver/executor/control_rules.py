@@ -11,7 +11,6 @@ from mcserver.drives.bus import DriveMode
 from mcserver.executor.barriers import (
     AtRest,
     Barrier,
-    BarrierFault,
     DrivesDone,
     Dwell,
     Energized,
@@ -22,7 +21,7 @@ from mcserver.executor.barriers import (
     Paused,
 )
 from mcserver.executor.entries import Control, ControlKind, EventKind
-from mcserver.executor.fault_codes import FaultCode
+from mcserver.executor.fault_codes import BarrierFault, FaultCode
 from mcserver.executor.following import Follows
 from mcserver.executor.holding import hold_position
 from mcserver.executor.homing import Homes, Refers
@@ -31,7 +30,6 @@ from mcserver.executor.shm.feedback import SlotState
 from mcserver.executor.shm.mailbox import signed
 from mcserver.executor.target_follower import UNBOUNDED, Bounds
 from mcserver.executor.thread_pass import ThreadPass
-from mcserver.executor.trajectories import TrajectoryError
 from mcserver.machine.follow_section import Superimposed
 from mcserver.machine.machine_file import Axis
 from mcserver.motion.canonical import AxisOperation, MeshUse, SurfaceSpeed, WaitMode
@@ -86,10 +84,7 @@ def pass_control(slot: ProgramSlot, control: Control, left: float, waited: bool 
         couplings = slot.cycle.couplings
         following = couplings.mask if control.kind in _MOVING_ALONG else couplings.all_following
         _refuse(slot, control.axes & following, FaultCode.COUPLED)
-    try:
-        return _RULES[control.kind](slot, control, left, waited)
-    except TrajectoryError as error:
-        raise BarrierFault(FaultCode.NO_TRAJECTORY, error.column) from error
+    return _RULES[control.kind](slot, control, left, waited)
 
 
 def _line_start(slot: ProgramSlot, control: Control, left: float, _waited: bool) -> Barrier | None:
@@ -242,9 +237,7 @@ def _speed(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Ba
         barrier = _energize(slot, control.axes, DriveMode.VELOCITY)
         if barrier is not None:
             return barrier
-    turning = control.axes & bank.torque_mode
-    for column in bank.masks.columns(turning):
-        hold_position(slot.cycle, 1 << column, slot.index, left)
+    hold_position(slot.cycle, control.axes & bank.torque_mode, slot.index, left)
     bank.power(control.axes, DriveMode.VELOCITY)
     for column in bank.masks.columns(control.axes):
         slot.cycle.motions.speed(column, slot.index, control.values[column], left, _surface_of(control))

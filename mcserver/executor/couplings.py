@@ -73,8 +73,11 @@ class Couplings:
 
     def superimposed(self, slot: int | None = None) -> int:
         """Return the columns that follow besides what is ordered; ``slot``: of this program alone."""
-        found = (each for each in self.engaged if isinstance(each, SuperimposedCoupling))
-        return _axes_of(each for each in found if slot in (None, each.slot))
+        return _axes_of(each for each in self._besides if slot in (None, each.slot))
+
+    @property
+    def _besides(self) -> list[SuperimposedCoupling]:
+        return [each for each in self.engaged if isinstance(each, SuperimposedCoupling)]
 
     @property
     def all_following(self) -> int:
@@ -84,8 +87,7 @@ class Couplings:
     @property
     def settling(self) -> int:
         """Columns of couplings that have ended, and whose offset is not at rest."""
-        found = (each for each in self.engaged if isinstance(each, SuperimposedCoupling) and each.ending)
-        return _axes_of(found)
+        return _axes_of(each for each in self._besides if each.ending)
 
     def uncouple(self, axes: int) -> None:
         """End the couplings of some followers; those that move come to rest within their limits. A tool is
@@ -101,9 +103,8 @@ class Couplings:
 
     def rest(self) -> None:
         """Let offsets be at rest where they are: drives got no setpoints for a time."""
-        for coupling in self.engaged:
-            if isinstance(coupling, SuperimposedCoupling):
-                coupling.rest()
+        for coupling in self._besides:
+            coupling.rest()
 
     def shift(self, column: int, distance: float) -> None:
         """Let a column's positions read ``distance`` more from now on."""
@@ -173,8 +174,7 @@ class Couplings:
         self.tied = self.all_following
         self.mask = self.tied & ~self.superimposed()
         if self._bank.shaper is not None:
-            found = (each for each in engaged if isinstance(each, SuperimposedCoupling))
-            self._bank.shaper.followers = tuple(each.step for each in found)
+            self._bank.shaper.followers = tuple(each.step for each in self._besides)
         for each in engaged:
             self.tied |= 0 if each.leader.measured else 1 << each.leader.column
 

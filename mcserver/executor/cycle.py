@@ -63,7 +63,10 @@ class Cycle:
         self.number = 0
         self.estop = False
         self.history: Array = np.full((machine.exact_stop_cycles, len(machine.axes)), np.nan)
-        self._added: Array = np.zeros((1 + bank.delay_cycles, len(machine.axes)))
+        # what was added to the shaped setpoints of the latest cycles; None: nothing ever is
+        leads = machine.shaping is not None and machine.shaping.lead is not None
+        adds = leads or any(axis.reserved for axis in machine.axes)
+        self._added: Array | None = np.zeros((1 + bank.delay_cycles, len(machine.axes))) if adds else None
         self.gantries = GantryPairs(machine, bank, motions)
         self.couplings = Couplings(machine, bank, motions)
         self.shifted: list[Callable[[int, float], None]] = [self.gantries.shift, self.couplings.shift]
@@ -87,7 +90,7 @@ class Cycle:
         """Keep the encoder readings of this cycle."""
         shaper, now, added = self.bank.shaper, self.history[self.number % len(self.history)], self._added
         np.copyto(now, self.row.actual)
-        if shaper is not None:
+        if shaper is not None and added is not None:
             added[self.number % len(added)] = shaper.added
             # a reading that is behind is of a setpoint that was
             late = added[(self.number + 1) % len(added)]

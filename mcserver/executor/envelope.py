@@ -16,11 +16,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mcserver.executor.axis_motion import Motion, MotionKind
-from mcserver.executor.barriers import BarrierFault
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.entries import Array, Control, ControlKind
 from mcserver.executor.envelope_bounds import Envelope, TipEnvelope
-from mcserver.executor.fault_codes import FaultCode
+from mcserver.executor.fault_codes import BarrierFault, FaultCode
 from mcserver.executor.shm.feedback import SlotState
 from mcserver.executor.shm.rings import ProgramRing
 from mcserver.executor.target_follower import Bounds
@@ -125,7 +124,6 @@ class EnvelopeGuard:
         self._limit: int | None = None
         self._breach: Breach | None = None
         self._said = False
-        self._known: dict[int, tuple[Motion, bool]] = {}
 
     # ------------------------------------------------------------------ before anything begins
 
@@ -271,21 +269,15 @@ class EnvelopeGuard:
     def _look_at_motions(self, slot: ProgramSlot, line: int) -> Breach | None:
         """Stop motions of single axes that would pass a bound, while they can still stop before it."""
         motions = self._cycle.motions
-        known, self._known = self._known, {}
         for motion in motions.of_slot(slot.index):
             if motion.kind is not MotionKind.POSITION:
                 continue
-            seen = known.get(motion.column)
-            if seen is not None and seen[0] is motion:
-                inside = seen[1]
-            else:
-                inside = all(self._beyond(motion, place) is None for place in motion.extremes())
-            self._known[motion.column] = motion, inside
-            if inside:
+            if all(self._beyond(motion, place) is None for place in motion.extremes()):
                 continue
-            column = self._beyond(motion, motions.rest_behind_next(motion))
+            rest = motions.rest_behind_next(motion)
+            column = self._beyond(motion, rest)
             if column is not None:
-                return self._outside(column, line, motion.place_of(column, motions.rest_behind_next(motion)))
+                return self._outside(column, line, motion.place_of(column, rest))
         return None
 
     def _beyond(self, motion: Motion, place: float) -> int | None:

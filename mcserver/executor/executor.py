@@ -23,6 +23,7 @@ from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.holding import stop_independent
 from mcserver.executor.independent import IndependentMotions
 from mcserver.executor.io_bank import IoBank
+from mcserver.executor.process_start import StoredReference
 from mcserver.executor.shm.event_ring import EventRing
 from mcserver.executor.shm.feedback import (
     CYCLE,
@@ -30,7 +31,6 @@ from mcserver.executor.shm.feedback import (
     INTERLOCK,
     LATE,
     LINE,
-    LOST_EVENTS,
     TIME,
     FeedbackRing,
     FeedbackRow,
@@ -39,7 +39,6 @@ from mcserver.executor.shm.feedback import (
 from mcserver.executor.shm.mailbox import CommandMailbox
 from mcserver.executor.shm.rings import ProgramRing
 from mcserver.executor.slot import ProgramSlot
-from mcserver.executor.stored_reference import StoredReference
 from mcserver.executor.supervision import Supervision
 from mcserver.machine.machine_file import Machine
 
@@ -96,7 +95,6 @@ class Executor:
         self._cycle.shifted += [slot.playback.shift for slot in self._slots]
         self._mailbox = mailbox
         self._feedback = feedback
-        self._events = events
         self._changes = -1
         self._stop_seen = self._reset_seen = 0
         self._estop_seen = mailbox.estop
@@ -123,11 +121,6 @@ class Executor:
     def u(self, slot: int) -> float:
         """Return u of the program in a slot [cycles]."""
         return self._slots[slot].u
-
-    def feed_scale(self, slot: int) -> float:
-        """Return the feed scale of the present rows of a program, at least 1."""
-        playing = self._slots[slot]
-        return playing.playback.feed_scale(playing.u)
 
     def line(self) -> int:
         """Return the line that set the latest cycle's row; 0: none."""
@@ -285,7 +278,7 @@ class Executor:
         if io.lost:
             for column in io.lost:
                 cycle.fault(FaultCode.IO_LOST, -1, 0, values=(float(column), 0.0))
-            self._stop_for(FaultCode.IO_LOST, float(io.lost[0]))
+            self._fault_all(FaultCode.IO_LOST, (float(io.lost[0]), 0.0))
         if io.holding != self._holding:
             for column in set(io.holding) - set(self._holding):
                 cycle.fault(FaultCode.INTERLOCK_HOLD, -1, 0, values=(float(column), io.value(column)))
@@ -298,7 +291,7 @@ class Executor:
         if io.holding:
             for slot in self._used:
                 if slot.running:
-                    slot.interlock()
+                    slot.interlocked = True
         if io.stopping and not cycle.estop:
             self._latch_estop(FaultCode.INTERLOCK_STOP, (float(io.stopping[0]), io.value(io.stopping[0])))
 
@@ -319,7 +312,7 @@ class Executor:
                     token=slot.moves,
                     values=values,
                 )
-                slot.interlock()
+                slot.interlocked = True
         unowned = self.bank.all & ~self._owned() & self.motions.mask if met else 0
         if unowned:
             # motion without a program could not be resumed: stop it
@@ -347,11 +340,11 @@ class Executor:
             cycle.couplings.rest()
             self.bank.shaper.rest(self.bank.masks.bools(self.bank.all & ~self.bank.speed))
 
-    def _stop_for(self, code: FaultCode, column: float) -> None:
-        """Stop all motion within its limits: an input or output is lost."""
+    def _fault_all(self, code: FaultCode, values: tuple[float, ...]) -> None:
+        """Stop all motion within its limits, for a fault of every program."""
         for slot in self._slots:
             if slot.running:
-                slot.fault(code, slot.line, -1, (column, 0.0))
+                slot.fault(code, slot.line, -1, values)
         self._stop(SlotState.FAULTED)
 
     def close(self) -> None:
@@ -393,7 +386,7 @@ class Executor:
                 else:
                     slot.open(orders)
                     if self._io.holding:
-                        slot.interlock()
+                        slot.interlocked = True
                     if self._io.missing >= 0:
                         slot.fault(FaultCode.IO_LOST, 0, -1, (float(self._io.missing), 0.0))
                 if slot not in self._used:
@@ -427,18 +420,11 @@ class Executor:
             return
         self._cycle.estop = True
         self._cycle.fault(code, -1, 0, values=values)
-        for slot in self._slots:
-            if slot.running:
-                slot.fault(code, slot.line, -1, values)
-        self._stop(SlotState.FAULTED)
+        self._fault_all(code, values)
 
     def _care_for_latches(self) -> None:
         """De-energize axes that have come to rest in an emergency stop; then carry out requested resets."""
-        bank = self.bank
-        stopping = 0
-        for slot in self._slots:
-            if slot.running:
-                stopping |= slot.axes
+        bank, stopping = self.bank, self._owned()
         if self._cycle.estop:
             moving = bank.both(self.motions.mask | self._cycle.settling)
             still = (bank.energized | bank.starting) & ~stopping & ~moving
@@ -490,7 +476,6 @@ class Executor:
         cells[TIME] = self._cycle.time
         cells[CYCLE] = self._cycle.number
         cells[LATE] = self.late_cycles
-        cells[LOST_EVENTS] = self._events.lost
         self._lines.append(self._line())
         cells[LINE] = self.line()
         cells[ESTOP] = self._cycle.estop

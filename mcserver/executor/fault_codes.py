@@ -89,6 +89,16 @@ class FaultCode(enum.IntEnum):
     TOOL_BEYOND = 478
 
 
+class BarrierFault(Exception):
+    """An entry cannot be done, or its barrier not be passed: the program is at fault."""
+
+    def __init__(self, code: FaultCode, column: int, values: tuple[float, ...] = ()) -> None:
+        super().__init__(code.name)
+        self.code = code
+        self.column = column
+        self.values = values
+
+
 # Codes that are reported and stop no program.
 WARNINGS = frozenset(
     {

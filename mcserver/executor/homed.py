@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from mcserver.executor.axes import AxisBank
 from mcserver.executor.fault_codes import FaultCode
-from mcserver.executor.stored_reference import StoredReference
+from mcserver.executor.process_start import StoredReference
 from mcserver.machine.machine_file import Machine
 
 # Faults after which an incremental encoder may have lost counts or restarted.

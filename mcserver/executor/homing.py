@@ -13,11 +13,11 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 from mcserver.drives.bus import HOME_SWITCH, DriveMode, DriveState
-from mcserver.executor.barriers import DRIVE_TIMEOUT_S, Barrier, BarrierFault
+from mcserver.executor.barriers import DRIVE_TIMEOUT_S, Barrier
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.entries import EventKind, HomingPhase
-from mcserver.executor.fault_codes import FaultCode
-from mcserver.executor.trajectories import MotionLimits, TrajectoryError
+from mcserver.executor.fault_codes import BarrierFault, FaultCode
+from mcserver.executor.trajectories import MotionLimits
 from mcserver.machine.homing_section import Homing
 
 # An axis is at a hard stop if it is slower than this share of its setpoint's speed …
@@ -158,10 +158,7 @@ class AxisHoming:
 
     def _go_to(self, target: float, velocity: float) -> None:
         limits = MotionLimits.of(self._axis, velocity)
-        try:
-            self._cycle.motions.move(self.column, self._slot, target, 0.0, self._rate(), limits)
-        except TrajectoryError as error:
-            raise BarrierFault(FaultCode.NO_TRAJECTORY, error.column) from error
+        self._cycle.motions.move(self.column, self._slot, target, 0.0, self._rate(), limits)
 
     def _halt(self) -> None:
         self._cycle.motions.halt(self.column, self._slot)
@@ -218,8 +215,7 @@ class AxisHoming:
 
     def _approach(self) -> HomingPhase | None:
         if self._touches():
-            if self._moving:
-                self._halt()
+            self._halt()
             return HomingPhase.REFERENCE if self._homing.method == "index" else HomingPhase.BACK_OFF
         if not self._moving:
             raise self._fault(self._missing, self._homing.travel)
@@ -249,11 +245,8 @@ class AxisHoming:
 
     def _latch(self) -> HomingPhase | None:
         if self._touches():
-            if self._moving:
-                self._halt()
-            if not self._homing.index:
-                return HomingPhase.REFERENCE
-            return HomingPhase.INDEX
+            self._halt()
+            return HomingPhase.INDEX if self._homing.index else HomingPhase.REFERENCE
         if not self._moving:
             raise self._fault(self._missing, 2.0 * self._homing.back_off)
         return None

@@ -144,17 +144,20 @@ class IndependentMotions:
         """Stop as fast as the limits allow; without ``jerk`` the jerk is not limited."""
         motion = self._motions.get(column)
         if motion is not None:
-            self._halt(column, slot, self.state(column, left), left, motion.limits, jerk=jerk)
+            self.halt_from(column, slot, self.state(column, left), left, motion.limits, jerk=jerk)
 
     def halt_from(
-        self, column: int, slot: int, state: State, left: float = 0.0, *, jerk: bool = True
+        self,
+        column: int,
+        slot: int,
+        state: State,
+        left: float = 0.0,
+        limits: MotionLimits | None = None,
+        *,
+        jerk: bool = True,
     ) -> None:
         """Stop from a given state, for instance of an axis that coasts as it is captured."""
-        self._halt(column, slot, state, left, self._limits[column], jerk=jerk)
-
-    def _halt(
-        self, column: int, slot: int, state: State, left: float, limits: MotionLimits, *, jerk: bool
-    ) -> None:
+        limits = limits or self._limits[column]
         trajectory = self._solver.to_velocity(column, state, 0.0, limits, jerk=jerk)
         self._start(column, slot, MotionKind.HALT, trajectory, state[0], 0.0, limits)
         self.pending |= self._profiled & 1 << column
@@ -187,11 +190,10 @@ class IndependentMotions:
 
     def disown(self, slot: int) -> None:
         """Hand the motions of a program that has ended to the machine, whose rate applies from then on."""
-        for motion in self._motions.values():
-            if motion.slot == slot:
-                motion.slot = -1
-                # a spindle keeps its speed when the axis that set it is jogged later
-                motion.surface = None
+        for motion in self.of_slot(slot):
+            motion.slot = -1
+            # a spindle keeps its speed when the axis that set it is jogged later
+            motion.surface = None
 
     # ------------------------------------------------------------------ states
 
@@ -222,9 +224,8 @@ class IndependentMotions:
     def owned_by(self, slot: int) -> int:
         """Return the mask of the axes whose motion belongs to a slot."""
         mask = 0
-        for motion in self._motions.values():
-            if motion.slot == slot:
-                mask |= motion.columns
+        for motion in self.of_slot(slot):
+            mask |= motion.columns
         return mask
 
     def of_slot(self, slot: int) -> list[Motion]:

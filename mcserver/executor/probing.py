@@ -11,11 +11,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mcserver.executor.barriers import Barrier, BarrierFault
+from mcserver.executor.barriers import Barrier
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.entries import Array, Control, EventKind
-from mcserver.executor.fault_codes import FaultCode
-from mcserver.executor.trajectories import MotionLimits, TrajectoryError
+from mcserver.executor.fault_codes import BarrierFault, FaultCode
+from mcserver.executor.trajectories import MotionLimits
 from mcserver.motion.canonical import ProbeKind
 
 
@@ -131,10 +131,7 @@ class Probes(Barrier):
             min(axis.max_acceleration / part for axis, part in moving) * share,
             min(axis.max_jerk / part for axis, part in moving) * share,
         )
-        try:
-            self._cycle.motions.move_line(self._slot, self._targets, 0.0, self._rate(), limits)
-        except TrajectoryError as error:
-            raise BarrierFault(FaultCode.NO_TRAJECTORY, error.column) from error
+        self._cycle.motions.move_line(self._slot, self._targets, 0.0, self._rate(), limits)
 
     def _end(self) -> bool:
         found = self._found

@@ -22,7 +22,7 @@ from mcserver.drives.registry import BUS_FACTORIES, BusFactory, create_buses, on
 from mcserver.errors import McError
 from mcserver.executor.executor import Executor
 from mcserver.executor.fault_codes import FaultCode
-from mcserver.executor.process_start import ExitCode, ProcessState, Start
+from mcserver.executor.process_start import ExitCode, Start
 from mcserver.executor.realtime import MonotonicClock, lock_memory, take_realtime_priority
 from mcserver.executor.shm.mailbox import CommandMailbox
 from mcserver.executor.shm.shared_memory import SharedParts, map_block
@@ -128,7 +128,6 @@ def run_loop(
         if result is None:
             if watch.lost():
                 result = ExitCode.SERVER_LOST
-                mailbox.set_executor_state(ProcessState.SERVER_LOST)
                 executor.stop_all(FaultCode.SERVER_LOST)
                 ending_since = number
             elif mailbox.quitting or asked():
@@ -190,7 +189,6 @@ def main() -> int:
         executor.mount(start.tool)
     except McError as error:
         print(visible(str(error)), file=sys.stderr, flush=True)  # noqa: T201
-        mailbox.set_executor_state(ProcessState.ENDED)
         return int(ExitCode.DRIVES)
     code = ExitCode.BROKEN
     if mailboxes is not None:
@@ -202,14 +200,12 @@ def main() -> int:
         gc.disable()
         if not (take_realtime_priority() and locked):
             executor.warn(FaultCode.NO_REALTIME)
-        mailbox.set_executor_state(ProcessState.RUNNING)
         code = run_loop(executor, mailbox, MonotonicClock(), start.parent, lambda: bool(terminated))
     finally:
         if mailboxes is not None:
             # after a transfer under way: its bus is closed next
             mailboxes.close()
         executor.close()
-        mailbox.set_executor_state(ProcessState.ENDED)
     return int(code)
 
 

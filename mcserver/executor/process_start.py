@@ -1,4 +1,4 @@
-"""Start parameters, states and exit codes of the executor's process: all that the server imports of it."""
+"""Start parameters and exit codes of the executor's process: all that the server imports of it."""
 
 from __future__ import annotations
 
@@ -6,17 +6,7 @@ import enum
 
 import msgspec
 
-from mcserver.executor.stored_reference import StoredReference
 from mcserver.machine.machine_file import Machine
-
-
-class ProcessState(enum.IntEnum):
-    """State of the executor's process, in the mailbox."""
-
-    STARTING = 0
-    RUNNING = 1
-    SERVER_LOST = 2
-    ENDED = 3
 
 
 class ExitCode(enum.IntEnum):
@@ -26,6 +16,19 @@ class ExitCode(enum.IntEnum):
     BROKEN = 1
     SERVER_LOST = 3
     DRIVES = 4
+
+
+class StoredReference(msgspec.Struct, frozen=True):
+    """The reference of an axis, as stored by the server from one start to the next.
+
+    Attributes:
+        offset: position minus encoder reading [m or rad].
+        reading: reading of the encoder now for which the reference is valid [m or rad]; None: valid at any,
+            for an absolute encoder.
+    """
+
+    offset: float
+    reading: float | None = None
 
 
 class Start(msgspec.Struct, frozen=True):

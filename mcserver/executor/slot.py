@@ -10,14 +10,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.executor.barriers import Barrier, BarrierFault, Paused, Settled
+from mcserver.executor.barriers import Barrier, Paused, Settled
 from mcserver.executor.block import LineEvents, Passing, passing_cycles, passing_times
 from mcserver.executor.control_queue import WAITING, ControlQueue
 from mcserver.executor.control_rules import pass_control
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.entries import Array, Control, ControlKind, EventKind
 from mcserver.executor.envelope import EnvelopeGuard
-from mcserver.executor.fault_codes import FaultCode
+from mcserver.executor.fault_codes import BarrierFault, FaultCode
 from mcserver.executor.holding import stop_independent
 from mcserver.executor.playback.playback import Playback
 from mcserver.executor.playback.rate_control import RateControl
@@ -47,6 +47,8 @@ class ProgramSlot:
             move by themselves, the others are for whoever is to move them meanwhile.
         u: on the program's time axis [cycles]. running: a program is played, or being stopped.
         line: of the line under way, 0 for none. shown_line: the line that set this cycle's row.
+        override: the feed override in force, 1 as programmed.
+        interlocked: an input holds the program, or has held it and nobody has resumed it since.
     """
 
     def __init__(self, index: int, ring: ProgramRing, cycle: Cycle) -> None:
@@ -89,10 +91,9 @@ class ProgramSlot:
         self._stop_state = SlotState.STOPPED
         self._stop_line = 0
         self._in_thread = False
-        self._override = 1.0
+        self.override = 1.0
         self._hold = False
-        # an input has held the program, and nobody has resumed it since
-        self._interlocked = False
+        self.interlocked = False
         self._resumes: tuple[int, int] | None = None
 
     # ------------------------------------------------------------------ opening and orders
@@ -140,10 +141,10 @@ class ProgramSlot:
         seen = self.orders
         self.orders = orders
         self._hold = orders.hold or machine.hold
-        self._override = orders.override * machine.override
+        self.override = orders.override * machine.override
         resumes = (orders.resume, machine.resume)
         if resumes != self._resumes and not self.cycle.io.holding:
-            self._interlocked = False
+            self.interlocked = False
         self._resumes = resumes
         if not self._started:
             self.rapid_rate = self._ordered_rate(1.0)
@@ -171,34 +172,20 @@ class ProgramSlot:
         return lent
 
     @property
-    def override(self) -> float:
-        """The feed override in force, 1 as programmed."""
-        return self._override
-
-    @property
     def held(self) -> bool:
         """Feed hold is asked for, by an order or by an input."""
-        return self._hold or self._interlocked
-
-    def interlock(self) -> None:
-        """Hold the program for an input, until someone resumes it."""
-        self._interlocked = True
+        return self._hold or self.interlocked
 
     @property
     def zones_on(self) -> int:
         """Bits of the switched zones that lie ahead and are on."""
         return self.cycle.io.zones & self.ring.zones_ahead
 
-    @property
-    def interlocked(self) -> bool:
-        """Whether an input holds the program, or has held it and nobody has resumed it since."""
-        return self._interlocked
-
     def _ordered_rate(self, feed_scale: float) -> float:
         """Return the rate at which rows of a feed scale are to be played, 0 to 1."""
         if self.held or self._state is SlotState.STOPPING:
             return 0.0
-        return min(self._override / feed_scale, 1.0)
+        return min(self.override / feed_scale, 1.0)
 
     def path_speeds(self, velocity: Array, axes: int) -> Array:
         """Return the speeds of some of its axes together along the path of a line, 0 where they rest, move by
@@ -328,7 +315,7 @@ class ProgramSlot:
                 self.playback.leave(self.playback.active)
         elif self.line:
             self.shown_line = self.line
-        self.playback.note()
+        self.playback.note(self.cycle.row.ordered[None])
         if self._state is SlotState.STOPPING:
             self._finish_stop()
         elif self.running:
@@ -343,17 +330,17 @@ class ProgramSlot:
         """
         if self._state is not SlotState.RUNNING or not self._started or self._starved is not None:
             return 0
-        if self.held or self._override != 1.0:
+        if self.held or self.override != 1.0:
             return 0
         queue = self._queue
         if self.barrier is not None:
-            queue.note_all()
+            queue.note()
             return 0 if self.playback.active else self.barrier.idle_cycles(limit)
         if not self.playback.active or self.playback.at_start or not self.ramp.steady:
             return 0
         if self.u != round(self.u):
             return 0
-        queue.note_all()
+        queue.note()
         self.playback.seek(self.u)
         edge, _ = queue.edge(self.u)
         if edge is not None:
@@ -384,7 +371,7 @@ class ProgramSlot:
         """
         if self.barrier is not None:
             self.barrier.skip(len(setpoints))
-            self.playback.note_all(setpoints)
+            self.playback.note(setpoints)
             self.shown_line = self.line
             return Passing(LineEvents.none(self.index))
         start, cycle_s = self.u, self.cycle.cycle_s
@@ -452,7 +439,8 @@ class ProgramSlot:
             self._queue.pop()
             if self._state is SlotState.STOPPING and control.kind not in _IN_A_STOP:
                 continue
-            self._pass(control, left)
+            if not self._waits_for_shape(control, left):
+                self._pass(control, left)
             # a motion that begins or ends in this cycle changes how far u may go
             if control.kind in (ControlKind.BEGIN, ControlKind.END):
                 reach = self._reach(self.u + rate * left)
@@ -491,18 +479,13 @@ class ProgramSlot:
         driven = playback.active if playback.line else 0
         settling = not playback.active and self._settling != 0
         for control, left in self._put_off.pass_cycle(self.cycle.number, driven, settling=settling):
-            try:
-                pass_control(self, control, left)
-            except BarrierFault as fault:
-                self.fault(fault.code, control.line, fault.column, fault.values)
+            self._pass(control, left)
         # that of the row which is ordered now
         self.shown_line = shown
 
-    def _pass(self, control: Control, left: float) -> None:
-        if self._waits_for_shape(control, left):
-            return
+    def _pass(self, control: Control, left: float, waited: bool = False) -> None:
         try:
-            barrier = pass_control(self, control, left)
+            barrier = pass_control(self, control, left, waited)
         except BarrierFault as fault:
             # an axis that cannot join a stop is left out of it
             if self._state is not SlotState.STOPPING or control.kind is not ControlKind.BEGIN:
@@ -516,15 +499,8 @@ class ProgramSlot:
         # only now it is begun with
         waited = not isinstance(self.barrier, Settled)
         control, self.barrier, self.pending = self.pending, None, None
-        if control is None:
-            return
-        try:
-            self.barrier = pass_control(self, control, left, waited=waited)
-        except BarrierFault as fault:
-            self.fault(fault.code, control.line, fault.column, fault.values)
-            return
-        if self.barrier is not None:
-            self.pending = control
+        if control is not None:
+            self._pass(control, left, waited)
 
     def _may_pass(self, control: Control) -> bool:
         """Tell whether an entry may be passed: in feed hold nothing new begins, in a stop no other motion."""
@@ -575,7 +551,7 @@ class ProgramSlot:
                     ramp.jump(ordered)
                 mean = ramp.advance(self.u, ordered, edge, urgent=self.cycle.estop, begins=begins)
             self._note_starved(dry, ordered)
-        self._held = (self.held or self._override <= 0.0) and ramp.rate <= STANDSTILL
+        self._held = (self.held or self.override <= 0.0) and ramp.rate <= STANDSTILL
         return mean
 
     def _note_starved(self, dry: bool, ordered: float) -> None:

@@ -108,13 +108,7 @@ class Supervision:
             row.ordered[column] = min(max(wanted, low), high) if old_excess <= 0.0 else old
             row.ordered_velocity[column] = 0.0
             limit = high if wanted > high else low
-            slot = self._slot_of(column)
-            if slot is None:
-                self._cycle.motions.drop(1 << column)
-                self._cycle.fault(FaultCode.SOFT_LIMIT, -1, 0, column, (wanted, limit))
-            else:
-                slot.lose(column)
-                slot.fault(FaultCode.SOFT_LIMIT, slot.shown_line, column, (wanted, limit))
+            self._take_out(1 << column, FaultCode.SOFT_LIMIT, column, (wanted, limit))
 
     def lead_coupled(self) -> None:
         """Set the setpoints of coupled axes; stop the program of an axis that cannot follow its leader."""
@@ -169,12 +163,10 @@ class Supervision:
         for column in cycle.profiled.late:
             self._latch(column, FaultCode.FOLLOWING_ERROR, (float(self._error[column]), 0.0))
         for column in cycle.motions.limited:
-            slot = self._slot_of(column)
-            index, line = (-1, 0) if slot is None else (slot.index, slot.shown_line)
             axis = cycle.machine.axes[column]
             position = float(row.setpoint[column])
             limit = min(axis.min_position, axis.max_position, key=lambda end: abs(end - position))
-            cycle.fault(FaultCode.SPEED_AT_LIMIT, index, line, column, (position, limit))
+            self._tell(FaultCode.SPEED_AT_LIMIT, column, (position, limit))
 
     def _compare_with_setpoints(self) -> None:
         """Latch the energized axes that are too far from their setpoints."""
@@ -222,10 +214,13 @@ class Supervision:
     def report_events(self) -> None:
         """Report further events of buses, which stop nothing."""
         for event in self._cycle.bank.events():
-            slot = self._slot_of(event.column)
-            index, line = (-1, 0) if slot is None else (slot.index, slot.shown_line)
-            code = _OF_EVENT[event.kind]
-            self._cycle.fault(code, index, line, event.column, (float(event.kind), float(event.code)))
+            self._tell(_OF_EVENT[event.kind], event.column, (float(event.kind), float(event.code)))
+
+    def _tell(self, code: FaultCode, column: int, values: tuple[float, ...]) -> None:
+        """Report what stops nothing, with the program that has the axis."""
+        slot = self._slot_of(column)
+        index, line = (-1, 0) if slot is None else (slot.index, slot.shown_line)
+        self._cycle.fault(code, index, line, column, values)
 
     def _count_silence(self) -> None:
         bank = self._cycle.bank
@@ -244,20 +239,12 @@ class Supervision:
     def _latch(self, column: int, code: FaultCode, values: tuple[float, ...]) -> None:
         """Latch an axis that has failed: switch it off, and stop the motion that it is part of."""
         cycle = self._cycle
-        slot = self._slot_of(column)
         cycle.bank.latch(1 << column)
         both = cycle.bank.both(1 << column)
         if code in LOSING:
             for lost in cycle.bank.masks.columns(cycle.homed.lose(both)):
                 cycle.emit(EventKind.UNHOMED, -1, 0, code=int(code), axis=cycle.machine.axes[lost].index)
-        if slot is None:
-            cycle.motions.drop(both)
-            cycle.fault(code, -1, 0, column, values)
-        else:
-            line = slot.shown_line
-            for each in cycle.bank.masks.columns(both):
-                slot.lose(each)
-            slot.fault(code, line, column, values)
+        self._take_out(both, code, column, values)
 
     def _stop_pair(self, pair: GantryPair, skew: float) -> None:
         """Let the drives of a pair stop by themselves and switch off: its sides are too far apart.
@@ -265,17 +252,19 @@ class Supervision:
         A stop within the axis's limits would skew the gantry by its whole distance, since the side that is
         blocked stands still already.
         """
-        cycle = self._cycle
-        slot = self._slot_of(pair.leader)
-        cycle.bank.stop(pair.mask)
+        self._cycle.bank.stop(pair.mask)
+        self._take_out(pair.mask, FaultCode.SKEW, pair.leader, (skew, pair.max_skew))
+
+    def _take_out(self, axes: int, code: FaultCode, column: int, values: tuple[float, ...]) -> None:
+        """Take axes out of their motion, and stop the program that has ``column`` for its fault."""
+        slot = self._slot_of(column)
         if slot is None:
-            cycle.motions.drop(pair.mask)
-            cycle.fault(FaultCode.SKEW, -1, 0, pair.leader, (skew, pair.max_skew))
+            self._cycle.motions.drop(axes)
+            self._cycle.fault(code, -1, 0, column, values)
             return
-        line = slot.shown_line
-        for column in cycle.bank.masks.columns(pair.mask):
-            slot.lose(column)
-        slot.fault(FaultCode.SKEW, line, pair.leader, (skew, pair.max_skew))
+        for each in self._cycle.bank.masks.columns(axes):
+            slot.lose(each)
+        slot.fault(code, slot.shown_line, column, values)
 
     def _slot_of(self, column: int) -> ProgramSlot | None:
         for slot in self._slots:

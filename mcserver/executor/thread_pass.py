@@ -12,10 +12,10 @@ from collections import deque
 
 import numpy as np
 
-from mcserver.executor.barriers import Barrier, BarrierFault
+from mcserver.executor.barriers import Barrier
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.entries import Control
-from mcserver.executor.fault_codes import FaultCode
+from mcserver.executor.fault_codes import BarrierFault, FaultCode
 from mcserver.executor.spindle_following import FollowedTime, MeasuredPlace
 from mcserver.motion.thread_cam import MOST_SPEED, least_tapping, plan_cam, stopping_turns
 from mcserver.units import TURN

@@ -42,9 +42,7 @@ class TorqueFeedForward:
         self._per_torque: Array = np.array([axis.travel_per_motor_turn / (2.0 * math.pi) for axis in axes])
         self._most = dynamics.efforts
         self._cycle = machine.cycle_s
-        self._mask = 0
-        for column in self.columns.tolist():
-            self._mask |= 1 << column
+        self._mask = sum(1 << column for column in self.columns.tolist())
         # the chosen tool by flange
         self._chosen: dict[int, int] = {}
         self._torques: Callable[[Array, Array, Array], Array] = dynamics.live(())

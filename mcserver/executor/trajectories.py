@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, RuckigError, Trajectory
 
+from mcserver.executor.fault_codes import BarrierFault, FaultCode
 from mcserver.machine.machine_file import Axis
 
 # Position, velocity and acceleration [SI].
@@ -16,12 +17,11 @@ State = tuple[float, float, float]
 _NEARBY = (1.0, 1.0 + 1e-9, 1.0 - 1e-9, 1.0 + 1e-7, 1.0 - 1e-7)
 
 
-class TrajectoryError(ValueError):
+class TrajectoryError(BarrierFault):
     """Ruckig finds no motion; ``column`` is the axis's."""
 
     def __init__(self, column: int) -> None:
-        super().__init__(f"no trajectory for column {column}")
-        self.column = column
+        super().__init__(FaultCode.NO_TRAJECTORY, column)
 
 
 @dataclass(frozen=True)

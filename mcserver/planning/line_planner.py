@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import msgspec
@@ -248,7 +248,7 @@ class LinePlanner:
     def settle(self, axes: frozenset[int]) -> None:
         """Ask the executor to bring axes to rest and to report their positions (D-14, D-25)."""
         self.motion.to_whole_cycle()
-        self.control(ControlKind.HALT_AXES, self.last_line, axes=self._mask(tuple(axes)))
+        self.control(ControlKind.HALT_AXES, self.last_line, axes=self._mask(axes))
         self._independent -= axes
         self._unattended -= axes
         self.captured -= axes
@@ -259,7 +259,7 @@ class LinePlanner:
         self._observing = observing
         self._unsettled = axes
         self.waiting_for = self._token
-        self.control(ControlKind.SETTLE, self.last_line, axes=self._mask(tuple(axes)), token=self._token)
+        self.control(ControlKind.SETTLE, self.last_line, axes=self._mask(axes), token=self._token)
         self.output.flush()
 
     def step(self) -> bool:
@@ -532,10 +532,7 @@ class LinePlanner:
         if line.operation is not AxisOperation.CAPTURE:
             # the last setpoint reaches the drives before they are commanded to let go
             self.motion.rest(1.0)
-        moving = tuple(sorted(self._independent.intersection(line.axes)))
-        if moving:
-            self.output.put(self._wait(line.line, moving))
-            self._independent -= set(moving)
+        self._end_independent(line.line, line.axes)
         self.control(
             ControlKind.AXIS,
             line.line,
@@ -621,16 +618,20 @@ class LinePlanner:
     def _begin_at_rest(self, line: int, axes: tuple[int, ...]) -> None:
         """Begin a line where independent motion of its axes has ended."""
         self.motion.to_whole_cycle()
+        self._end_independent(line, axes)
+        self.control(ControlKind.LINE_START, line)
+
+    def _end_independent(self, line: int, axes: tuple[int, ...]) -> None:
+        """Wait until independent motion of axes has ended."""
         moving = tuple(sorted(self._independent.intersection(axes)))
         if moving:
             self.output.put(self._wait(line, moving))
             self._independent -= set(moving)
-        self.control(ControlKind.LINE_START, line)
 
     def _ask_energized(self, line: MotionLine, axes: frozenset[int]) -> None:
         """Have the executor check axes that no capture of this program holds (D-27): it faults, or they
         hold."""
-        self.control(ControlKind.BEGIN, line.line, axes=self._mask(tuple(axes)))
+        self.control(ControlKind.BEGIN, line.line, axes=self._mask(axes))
         self.canonical.appendleft(line)
         self._await_settled(axes, observing=False)
 
@@ -643,11 +644,8 @@ class LinePlanner:
             seconds=self._machine.exact_stop_timeout,
         )
 
-    def _mask(self, axes: tuple[int, ...]) -> int:
-        mask = 0
-        for axis in axes:
-            mask |= 1 << self._columns[axis]
-        return mask
+    def _mask(self, axes: Iterable[int]) -> int:
+        return sum(1 << self._columns[axis] for axis in set(axes))
 
     def control(self, kind: ControlKind, line: int, **more: Any) -> None:
         """Put a control entry where the plan ends."""

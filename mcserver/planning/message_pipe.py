@@ -109,9 +109,8 @@ class WatchedPipe:
         self._loop = loop
         self._pipe = pipe
         self._writing = False
+        # whether messages wait for the loop's next turn
         self._due = False
-        # whether a flush is scheduled for the loop's next turn
-        self._scheduled = False
         loop.add_reader(pipe.fileno(), on_readable)
 
     def send(self, payload: bytes) -> None:
@@ -120,21 +119,15 @@ class WatchedPipe:
         If the other end is gone, it is dropped; reading reports that end.
         """
         self._pipe.queue(payload)
-        self._due = True
-        if not self._scheduled:
-            self._scheduled = True
-            self._loop.call_soon(self._come_round)
-
-    def _come_round(self) -> None:
-        self._scheduled = False
-        self.flush()
+        if not self._due:
+            self._due = True
+            self._loop.call_soon(self.flush)
 
     def flush(self) -> None:
         """Send queued messages, as far as the other end takes them now."""
-        if not self._due:
-            return
-        self._due = False
-        self._flush()
+        if self._due:
+            self._due = False
+            self._flush()
 
     def release(self) -> None:
         """Stop reading and writing, after sending what can be sent at once."""
@@ -143,12 +136,9 @@ class WatchedPipe:
         self._loop.remove_writer(self._pipe.fileno())
 
     def _flush(self) -> None:
-        with contextlib.suppress(OSError):
-            self._pipe.flush()
-        self._watch_writing()
-
-    def _watch_writing(self) -> None:
         pipe = self._pipe
+        with contextlib.suppress(OSError):
+            pipe.flush()
         if pipe.blocked == self._writing:
             return
         self._writing = pipe.blocked

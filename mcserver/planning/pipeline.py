@@ -158,12 +158,6 @@ class Pipeline:
         self._plan.abort()
 
     @property
-    def finished(self) -> bool:
-        """Whether everything, the program's end included, has been handed over."""
-        handing_over = self._plan.output.blocked or self._plan.source is not None
-        return self._phase is Phase.FINISHED and not handing_over
-
-    @property
     def waiting(self) -> bool:
         """Whether planning waits for the executor to report positions."""
         return self._plan.waiting_for is not None
@@ -217,13 +211,12 @@ class Pipeline:
         """Take an event of this program's slot."""
         if self._guard is not None:
             self._guard.on_event(event)
-            contact = self._guard.contact
             # a motion at rest with few rows left does not begin again
             last = event.kind is EventKind.SETTLED and event.token == LAST_TOKEN
             # the program was held because a zone was switched on around a body
             met = event.kind is EventKind.FAULT and event.code == FaultCode.ZONE_HOLD
-            if contact is not None and (last or met or event.kind is EventKind.STARVED):
-                self._plan.reports.append(Report(ReportKind.CONTACT, contact.line, diagnostics=(contact,)))
+            if last or met or event.kind is EventKind.STARVED:
+                self._say_contact()
         if event.kind is EventKind.SETTLED and event.token == self._plan.waiting_for:
             observed = self._plan.settled(event.values[: self._width])
             if observed:
@@ -249,9 +242,13 @@ class Pipeline:
         self._plan.reports.append(Report(ReportKind.EXCHANGED, exchange.line, exchange=exchange))
         if self._guard is not None:
             self._guard.exchange(exchange)
-            contact = self._guard.contact
-            if contact is not None:
-                self._plan.reports.append(Report(ReportKind.CONTACT, contact.line, diagnostics=(contact,)))
+            self._say_contact()
+
+    def _say_contact(self) -> None:
+        """Report the contact before which the program ends, if there is one."""
+        contact = None if self._guard is None else self._guard.contact
+        if contact is not None:
+            self._plan.reports.append(Report(ReportKind.CONTACT, contact.line, diagnostics=(contact,)))
 
     def end_pause(self, end: PauseEnd) -> None:
         """Go on after the pause at which the program stands, from the present positions of the axes.
@@ -312,18 +309,13 @@ class Pipeline:
         except PlanningError as error:
             if error.line == APPROACH_LINE:
                 raise
-            self._reject(
-                ProgramRejected(
-                    [
-                        Diagnostic(
-                            code="MC290",
-                            line=error.line,
-                            message="no velocity profile keeps all limits on this line",
-                            hint="give the line a lower F, or stop before it with G09 on the line above",
-                        )
-                    ]
-                )
+            fault = Diagnostic(
+                code="MC290",
+                line=error.line,
+                message="no velocity profile keeps all limits on this line",
+                hint="give the line a lower F, or stop before it with G09 on the line above",
             )
+            self._reject(ProgramRejected([fault]))
             return True
 
     def _say_wait(self) -> None:

@@ -19,8 +19,8 @@ from typing import Protocol
 
 from mcserver.errors import Diagnostic, McError
 from mcserver.executor.entries import EventKind, ExecutorEvent
+from mcserver.executor.shm.feedback import SlotView
 from mcserver.executor.shm.rings import ProgramRing
-from mcserver.executor.view import SlotView
 from mcserver.planning.line_buffer import LineBuffer
 from mcserver.planning.pipeline import Pipeline
 from mcserver.planning.planner_messages import (

@@ -19,10 +19,9 @@ from collections.abc import Callable, Sequence
 import msgspec
 
 from mcserver.executor.entries import ExecutorEvent
-from mcserver.executor.shm.feedback import FeedbackState
+from mcserver.executor.shm.feedback import FeedbackState, SlotView
 from mcserver.executor.shm.rings import ProgramRing
 from mcserver.executor.shm.shared_memory import SharedParts, map_block
-from mcserver.executor.view import SlotView
 from mcserver.machine.machine_file import Machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.warm_up import warm_up

@@ -143,8 +143,7 @@ class SharedSpace:
         """Return bounds of columns by all handed-over motion but the asking program's own, and their present
         positions, shape (K,).
         """
-        newest = self._feedback()
-        assert newest is not None
+        newest = self._newest
         self._forget(newest)
         low, high = newest.setpoint.copy(), newest.setpoint.copy()
         known = np.zeros(len(low), np.bool_)
@@ -164,11 +163,15 @@ class SharedSpace:
         return Extent(low, high), newest.setpoint
 
     @property
-    def time(self) -> float:
-        """The executor's present time [s]."""
+    def _newest(self) -> FeedbackState:
         newest = self._feedback()
         assert newest is not None
-        return float(newest.time)
+        return newest
+
+    @property
+    def time(self) -> float:
+        """The executor's present time [s]."""
+        return self._newest.time
 
     def locked(self, asking: Tenant) -> bool:
         """Return whether a program is in a deadlock, and was the last to begin waiting in it.
@@ -177,8 +180,7 @@ class SharedSpace:
         too: any of them that goes on may free it. A program that a person holds, as in feed hold, is not
         waiting.
         """
-        newest = self._feedback()
-        assert newest is not None
+        newest = self._newest
         moving = (newest.velocity != 0.0) & ~np.isin(newest.condition, ENDLESS)
         running = {each.program: each for each in self._tenants if each.ended is None}
         found: list[Tenant] = []
@@ -207,15 +209,11 @@ class SharedSpace:
     @property
     def inputs(self) -> Array:
         """Present values of the machine's inputs, shape (I,)."""
-        newest = self._feedback()
-        assert newest is not None
-        return newest.inputs
+        return self._newest.inputs
 
     def refresh(self) -> None:
         """Drop claims of motion that is over, and tell which switched zones lie ahead of the programs."""
-        newest = self._feedback()
-        assert newest is not None
-        self._forget(newest)
+        self._forget(self._newest)
         self.tell()
 
     def tell(self) -> None:
@@ -238,9 +236,7 @@ class SharedSpace:
         Not a program that lends its axes to the asking one and goes on only after that has ended; nor one
         that has ended and left axes turning.
         """
-        newest = self._feedback()
-        assert newest is not None
-        ends = ~np.isin(newest.condition, ENDLESS)
+        ends = ~np.isin(self._newest.condition, ENDLESS)
         found = []
         for tenant in self._tenants:
             if tenant is asking or (tenant.ended is None and (tenant.lease & asking.lease).any()):

@@ -23,9 +23,7 @@ class SwitchedZones:
         assert machine.clearance is not None
         self.bit = 1 << number
         self._number = number
-        self.counted: Mask = binding & (scene.switches == number)
-        self.slow = slow_zones(scene, machine, self.counted)
-        self.movers: Mask = np.zeros(len(machine.axes), np.bool_)
+        self.slow = slow_zones(scene, machine, binding & (scene.switches == number))
         self.count(scene, binding)
         switch = machine.clearance.switches[number]
         self._high = switch.high
@@ -33,9 +31,9 @@ class SwitchedZones:
 
     def count(self, scene: Scene, binding: Mask) -> None:
         """Count the present pairs of a scene."""
-        self.counted = binding & (scene.switches == self._number)
+        self.counted: Mask = binding & (scene.switches == self._number)
         self.slow.count(self.counted)
-        self.movers = np.asarray(scene.levers[:, self.counted].any(axis=1))
+        self.movers: Mask = np.asarray(scene.levers[:, self.counted].any(axis=1))
 
     def on(self, inputs: Array) -> bool:
         """Return whether the zones are on, given the inputs' values."""

@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 from mcserver.executor.client import ExecutorProcess
 from mcserver.executor.entries import Control
 from mcserver.executor.envelope_bounds import Envelope
-from mcserver.executor.shm.feedback import LATE, TIME, Block, homed_of, silent_of
+from mcserver.executor.shm.feedback import LATE, TIME, Block, SlotView, homed_of, silent_of
 from mcserver.executor.shm.mailbox import CommandMailbox
 from mcserver.executor.shm.target_box import TargetBox
-from mcserver.executor.view import SlotView
 from mcserver.machine.machine_file import Machine
 from mcserver.service.reports import AxisState
 

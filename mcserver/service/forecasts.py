@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 
-from mcserver.executor.view import SlotView
+from mcserver.executor.shm.feedback import SlotView
 from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.planning.line_marks import LineMarks
 from mcserver.service.executor_port import ExecutorPort

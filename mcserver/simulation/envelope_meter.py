@@ -19,8 +19,7 @@ class EnvelopeMeter:
 
     Args:
         kinematics: of the machine's tools; None: it has none. axes: of the program; tools that any of these
-        moves
-            are followed.
+            moves are followed.
     """
 
     def __init__(self, machine: Machine, kinematics: MachineKinematics | None, axes: tuple[int, ...]) -> None:

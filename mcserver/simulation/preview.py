@@ -18,7 +18,7 @@ class Preview(msgspec.Struct, frozen=True):
 
     Attributes:
         report: the object of ``mcserver simulate --json``. path: as `mcserver.simulation.time_sampler`
-        gives it.
+            gives it.
         marks: of its times. envelope: without tolerances. All three None for a text with faults.
         effects: what it leaves changed, in sentences for people. inputs: columns of those that it reads.
         pushed: axes that it commands a torque. outputs: of each output the least and the greatest value.

@@ -7,7 +7,6 @@ to go on.
 from __future__ import annotations
 
 import asyncio
-import importlib
 import multiprocessing
 import os
 import sys
@@ -25,7 +24,7 @@ from mcserver.planning.line_marks import LineMarks
 from mcserver.planning.start_state import StartState
 from mcserver.simulation.assertions import Assertion
 from mcserver.simulation.foresight import Foresight, Listener, check_file, check_text
-from mcserver.simulation.preview import Preview
+from mcserver.simulation.preview import Preview, preview
 from mcserver.simulation.worker_process import end_with_parent
 
 T = TypeVar("T")
@@ -146,7 +145,7 @@ class ProgramChecker:
     ) -> Preview:
         """As `simulate`, with all that an approval of the run shows and rests on."""
         role = agent_role(client)
-        return await self._run(client, preview_text, text, self._machine, start, tuple(axes), role)
+        return await self._run(client, preview, text, self._machine, start, tuple(axes), role)
 
     def foresee(
         self,
@@ -282,13 +281,14 @@ def simulate_text(
     role: str | None = None,
 ) -> tuple[dict[str, Any], LineMarks | None]:
     """`mcserver.simulation.simulation.simulate`, its report and marks; runs in the worker."""
-    simulation = importlib.import_module("mcserver.simulation.simulation")
-    kinematics = importlib.import_module("mcserver.machine.machine_kinematics").build_kinematics(machine)
-    found = simulation.simulate(
+    from mcserver.machine.machine_kinematics import build_kinematics
+    from mcserver.simulation.simulation import simulate
+
+    found = simulate(
         text,
         machine,
         start=start,
-        kinematics=kinematics,
+        kinematics=build_kinematics(machine),
         path_points=path_points,
         assertions=assertions,
         against=against,
@@ -298,11 +298,3 @@ def simulate_text(
         found.report["lines"] = []
     # an assertion that does not hold takes nothing from the times
     return found.report, found.marks() if found.end is not None and not found.failed else None
-
-
-def preview_text(text: str, machine: Machine, start: StartState, axes: tuple[int, ...], role: str) -> Preview:
-    """`mcserver.simulation.preview.preview`; runs in the worker."""
-    found: Preview = importlib.import_module("mcserver.simulation.preview").preview(
-        text, machine, start, axes, role
-    )
-    return found

@@ -64,7 +64,7 @@ class Recorder:
 
     Attributes:
         line: line of the newest cycle. low, high, last: least, greatest and newest setpoints, shape
-        (K,) [SI]. outputs_low, outputs_high: least and greatest value of each output, shape (O,).
+            (K,) [SI]. outputs_low, outputs_high: least and greatest value of each output, shape (O,).
     """
 
     def __init__(

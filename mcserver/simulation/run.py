@@ -74,7 +74,6 @@ class Simulation:
         times: of its lines. last_line: how many there are.
         exit_code: 0, 1 (a fault while running) or 4 (rejected).
         recording: one row a cycle in mm and degrees, if asked for.
-        feed_length: linear part of all G01-G03 commands [m].
         energized: numbers of the axes that are energized at the end.
         end: the state that it leaves behind; None: nothing was run.
         inputs_read: columns of inputs that it reads.
@@ -87,7 +86,6 @@ class Simulation:
     report: dict[str, Any]
     exit_code: int
     recording: Recorded | None = None
-    feed_length: float = 0.0
     energized: frozenset[int] = frozenset()
     end: StartState | None = None
     inputs_read: frozenset[int] = frozenset()
@@ -252,7 +250,6 @@ class Run:
             report,
             0 if report["ok"] else 1,
             self._recorder.recording(),
-            self._feed_length,
             self._with_condition(_ENERGIZED),
             self._end_state(),
             frozenset(self._inputs_read),
@@ -468,16 +465,14 @@ class Run:
             self._end = max(self._end, self._executor.time)
 
     def _end_state(self) -> StartState:
-        row, homed = self._executor.executor.row, homed_of(self._executor.executor.row.row)
-        axes, shaper = self._machine.axes, self._executor.executor.bank.shaper
-        turns = self._executor.executor.motions.turning()
-        turning = {axis.index for column, axis in enumerate(axes) if turns >> column & 1}
+        executor, axes = self._executor.executor, self._machine.axes
+        row, shaper = executor.row, executor.bank.shaper
+        turning = self._with_condition((AxisCondition.SPEED,)) & self._axes_of(executor.motions.turning())
         return StartState(
             positions=dict(zip((axis.index for axis in axes), row.setpoint.tolist(), strict=True)),
             energized=self._with_condition(_ENERGIZED),
-            unsettled=(self._with_condition((AxisCondition.SPEED,)) & turning)
-            | self._with_condition((AxisCondition.TORQUE,)),
-            homed=frozenset(axis.index for column, axis in enumerate(axes) if homed >> column & 1),
+            unsettled=turning | self._with_condition((AxisCondition.TORQUE,)),
+            homed=self._axes_of(homed_of(row.row)),
             frame=self._frame,
             inputs=tuple(row.inputs.tolist()),
             outputs=tuple(row.outputs.tolist()),
@@ -490,7 +485,9 @@ class Run:
 
     def _powered(self, mode: DriveMode) -> frozenset[int]:
         """Return the axes that were powered in a mode."""
-        mask = self._executor.executor.bank.used[mode]
+        return self._axes_of(self._executor.executor.bank.used[mode])
+
+    def _axes_of(self, mask: int) -> frozenset[int]:
         return frozenset(axis.index for column, axis in enumerate(self._machine.axes) if mask >> column & 1)
 
     def _with_condition(self, wanted: Collection[AxisCondition]) -> frozenset[int]:

@@ -15,13 +15,8 @@ from mcserver.executor.block import Block, LineEvents
 from mcserver.executor.entries import Array, EventKind, ExecutorEvent
 from mcserver.executor.executor import Executor
 from mcserver.executor.faces import ExecutorFaces
-from mcserver.executor.shm.event_ring import EventRing
-from mcserver.executor.shm.feedback import FeedbackRing
-from mcserver.executor.shm.mailbox import SLOTS, CommandMailbox
-from mcserver.executor.shm.rings import CONTROLS, ROWS, ProgramRing
-from mcserver.executor.shm.shared_memory import SharedParts
-from mcserver.executor.stopping import StopTimes, torque_axes
-from mcserver.executor.stored_reference import StoredReference
+from mcserver.executor.process_start import StoredReference
+from mcserver.executor.shm.shared_memory import PARTS, SharedParts, parts_over
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.start_state import StartState
 
@@ -59,16 +54,8 @@ class VirtualExecutor(ExecutorFaces):
         homed: bool = True,
         references: Mapping[int, StoredReference] | None = None,
     ) -> None:
-        axes = len(machine.axes)
-        stops, torques = StopTimes(machine), torque_axes(machine)
         self.machine = machine
-        inputs, outputs = len(machine.inputs), len(machine.outputs)
-        self._parts = SharedParts(
-            CommandMailbox(None, inputs=inputs, outputs=outputs),
-            FeedbackRing(None, axes, inputs=inputs, outputs=outputs),
-            EventRing(None, axes),
-            tuple(ProgramRing(None, ROWS, CONTROLS, axes, stops, torques) for _ in range(SLOTS)),
-        )
+        self._parts = parts_over([None] * PARTS, machine)
         self.mailbox.initialise()
         self.recorder = recorder
         self.buses = list(create_buses(machine, VIRTUAL_FACTORIES) if buses is None else buses)
@@ -96,11 +83,10 @@ class VirtualExecutor(ExecutorFaces):
         Raises:
             RuntimeError: a drive does not energize.
         """
-        columns = {axis.index: column for column, axis in enumerate(self.machine.axes)}
         self.executor.mount(start.tool)
         self.executor.assume(
-            energized=sum(1 << columns[axis] for axis in start.energized),
-            homed=sum(1 << columns[axis] for axis in start.homed),
+            energized=self.machine.mask_of(start.energized),
+            homed=self.machine.mask_of(start.homed),
             inputs=start.inputs,
             outputs=start.outputs,
         )

@@ -167,7 +167,8 @@ def play(
             while pipeline.pump(executor.u(0), override):
                 pass
         executor.step()
-        scales.append(executor.executor.feed_scale(0))
+        playing = executor.executor._slots[0]
+        scales.append(playing.playback.feed_scale(playing.u))
         events = executor.events()
         for event in events:
             pipeline.on_event(event)

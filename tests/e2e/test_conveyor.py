@@ -14,7 +14,7 @@ from mcserver.units import DEGREE
 from tests.e2e.conftest import Mcctl, served
 from tests.e2e.servers import ServerProcess
 from tests.executor.test_tool_conveyor import ARM, BELT, FOLLOW, machine
-from tests.limits import broken_limits
+from tests.limits import broken_limits, limits_of
 
 PICK = """G1010
 T1 G0 X460 Y-120 Z400 A0 B0 C0
@@ -60,8 +60,5 @@ def test_the_tip_stands_on_the_piece_that_goes_on(cell: ServerProcess, mcctl: Mc
     assert np.ptp(tip[dwell, 1]) > 5.0
     assert np.ptp(tip[dwell, 1] - belt[dwell]) < 0.01
     assert math.dist(tip[-1], (460.0, -120.0, 400.0)) < 1e-3
-    whole = [
-        [getattr(axis, f"max_{name}") + getattr(axis.reserved, name) for axis in made.axes[:6]]
-        for name in ("velocity", "acceleration", "jerk")
-    ]
+    whole = np.array(limits_of(made, whole=True))[:, :6]
     assert broken_limits(joints, whole, 0.004) == []

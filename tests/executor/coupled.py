@@ -25,7 +25,13 @@ LAW = settings(
 
 
 class Coupled(Planned):
-    """A program, played to its end with orders on the way."""
+    """A program, played to its end with orders on the way.
+
+    Attributes:
+        led: axes that are moved from outside.
+    """
+
+    led: tuple[int, ...] = (5,)
 
     def play(
         self, orders: Mapping[int, Callable[[Coupled], None]] | None = None, cycles: int = 20_000
@@ -50,10 +56,11 @@ class Coupled(Planned):
     def setpoints(self, axis: int) -> Array:
         return np.array(self.rows)[:, self.machine.column_of(axis)]
 
-    def broken(self, *, jerk: bool = True, but: tuple[int, ...] = (5,)) -> list[str]:
-        """Limits that setpoints pass in any cycle."""
-        limits = np.array(limits_of(self.machine))
-        kept = [n for n, axis in enumerate(self.machine.axes) if axis.index not in but]
+    def broken(self, *, jerk: bool = True, but: tuple[int, ...] | None = None) -> list[str]:
+        """Limits of the file that setpoints pass in any cycle; ``but``: not of these axes, None: `led`."""
+        limits = np.array(limits_of(self.machine, whole=True))
+        left_out = self.led if but is None else but
+        kept = [n for n, axis in enumerate(self.machine.axes) if axis.index not in left_out]
         return broken_limits(np.array(self.rows)[:, kept], limits[: 3 if jerk else 2, kept])
 
     def beside(self, axis: int, until: int | None = None) -> Array:
@@ -94,3 +101,23 @@ def under_orders(last: int, *, ends_from: int) -> Callable[..., Any]:
         st.sampled_from([abort, stop]),
     )
     return lambda law: LAW(given_orders(law))
+
+
+def eye(*risen: float) -> str:
+    """An input that works pass at these times [s]."""
+    values = ((at + later, value) for at in risen for later, value in ((0.0, "true"), (0.05, "false")))
+    script = ", ".join(f"{{ at_s = {at:.3f}, value = {value} }}" for at, value in values)
+    return f'[[input]]\nnumber = 4\nname = "eye"\nsimulated = [{script}]\n'
+
+
+def pushed(cycles: range) -> st.SearchStrategy[dict[int, tuple[str, float]]]:
+    """By cycles, how the drive of an axis is pushed about or loaded."""
+    push = st.tuples(st.sampled_from(["push", "load"]), st.floats(-5.0, 5.0))
+    return st.dictionaries(st.sampled_from(cycles), push, max_size=6)
+
+
+def pushes(what: Mapping[int, tuple[str, float]], axis: int) -> dict[int, Callable[[Coupled], None]]:
+    return {
+        cycle: lambda each, kind=kind, value=value: getattr(each.bus, kind)(each.column(axis), value)
+        for cycle, (kind, value) in what.items()
+    }

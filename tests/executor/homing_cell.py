@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from mcserver.drives.simulated import SimulatedBus
 from mcserver.executor.entries import ControlKind, EventKind, ExecutorEvent, HomingPhase
-from mcserver.executor.stored_reference import StoredReference
+from mcserver.executor.process_start import StoredReference
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.simulation.virtual_executor import VirtualExecutor
-from tests.executor.rig import Array, Program
+from tests.executor.rig import Array, Program, Watched
 from tests.limits import EXACTLY, assert_keeps, limits_of
 from tests.machine_text import axes_text
 
@@ -28,7 +28,7 @@ def machine(*axes: tuple[str, str], travel: float | None = 100.0, jerk: str = ""
     return parse_machine(text + more)
 
 
-class Cell:
+class Cell(Watched):
     """A virtual executor whose axes do not know where they are."""
 
     def __init__(
@@ -66,30 +66,12 @@ class Cell:
         self.home(*axes)
         self.run()
 
-    def step(self, cycles: int = 1) -> None:
-        self.executor.step(cycles)
-        self.events += self.executor.events()
-
-    def run(self, limit: int = 60000) -> None:
-        for _ in range(limit):
-            self.step()
-            if self.executor.at_rest:
-                return
-        raise AssertionError(f"not at rest after {limit} cycles")
-
     def run_to_phase(self, phase: HomingPhase, axis: int = 0, limit: int = 60000) -> None:
         for _ in range(limit):
             self.step()
             if any(each.axis == axis and each.token == phase for each in self.of(EventKind.HOMING)):
                 return
         raise AssertionError(f"no {phase!r}: {self.events}")
-
-    def of(self, kind: EventKind) -> list[ExecutorEvent]:
-        return [event for event in self.events if event.kind is kind]
-
-    @property
-    def faults(self) -> list[int]:
-        return [event.code for event in self.of(EventKind.FAULT)]
 
     @property
     def homed(self) -> int:

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, Self
 
 from mckinematics.pose import Kinematics
 
-from mcserver.executor.entries import Array, EventKind, ExecutorEvent
+from mcserver.executor.entries import Array, EventKind
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.pipeline import Pipeline
 from mcserver.planning.start_state import StartState
 from mcserver.simulation.virtual_executor import VirtualExecutor
+from tests.executor.rig import Watched
 
 
-class Planned:
+class Planned(Watched):
     """All lines of a text, from the planner to the drives.
 
     Args:
@@ -36,7 +38,7 @@ class Planned:
         self.machine = made
         self.rows: list[Array] = []
         self.actuals: list[Array] = []
-        self.events: list[ExecutorEvent] = []
+        self.events = []
         self.executor = VirtualExecutor(made, recorder=self._record, homed=homed)
         self.sink = self.executor.open_slot(0, **slot)
         self.pipeline = Pipeline(made, self.sink, start=start or StartState.of(made), kinematics=kinematics)
@@ -56,13 +58,15 @@ class Planned:
                 self.pipeline.on_event(event)
                 self.events.append(event)
 
+    def run(self, script: Callable[[int], None] = lambda _: None, limit: int = 120_000) -> Self:
+        """To the program's end; ``script`` is called with each cycle's number before it."""
+        for cycle in range(limit):
+            script(cycle)
+            self.step()
+            if self.ended:
+                return self
+        raise AssertionError(f"no end: {self.events[-5:]}")
+
     @property
     def ended(self) -> bool:
         return any(each.kind in (EventKind.FINISHED, EventKind.STOPPED) for each in self.events)
-
-    def of(self, kind: EventKind) -> list[ExecutorEvent]:
-        return [event for event in self.events if event.kind is kind]
-
-    @property
-    def faults(self) -> list[int]:
-        return [event.code for event in self.of(EventKind.FAULT)]

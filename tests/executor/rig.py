@@ -48,8 +48,34 @@ def machine(
     return parse_machine(f'[machine]\nname = "rig"\n[motion]\n{motion}\n{all_alike}')
 
 
+class Watched:
+    """An executor on a virtual clock, and what it reports."""
+
+    executor: VirtualExecutor
+    events: list[ExecutorEvent]
+
+    def step(self, cycles: int = 1) -> None:
+        self.executor.step(cycles)
+        self.events += self.executor.events()
+
+    def run(self, limit: int = 60000) -> int:
+        """Until nothing is commanded to move; returns the number of cycles."""
+        for cycle in range(limit):
+            self.step()
+            if self.executor.at_rest:
+                return cycle + 1
+        raise AssertionError(f"not at rest after {limit} cycles")
+
+    def of(self, kind: EventKind) -> list[ExecutorEvent]:
+        return [event for event in self.events if event.kind is kind]
+
+    @property
+    def faults(self) -> list[int]:
+        return [event.code for event in self.of(EventKind.FAULT)]
+
+
 @dataclass
-class Rig:
+class Rig(Watched):
     """An executor with one program in slot 0, and what it did."""
 
     machine: Machine
@@ -73,18 +99,6 @@ class Rig:
         self.setpoints.append(setpoint.copy())
         self.actuals.append(actual.copy())
         self.orders.append(self.executor.executor.row.ordered.copy())
-
-    def step(self, cycles: int = 1) -> None:
-        self.executor.step(cycles)
-        self.events += self.executor.events()
-
-    def run(self, limit: int = 20000) -> int:
-        """Until nothing is commanded to move; returns the number of cycles."""
-        for cycle in range(limit):
-            self.step()
-            if self.executor.at_rest:
-                return cycle + 1
-        raise AssertionError(f"not at rest after {limit} cycles")
 
     def play(self, *, line: bool = False) -> int:
         """End the program, and with ``line`` its line; run as `run` does."""
@@ -128,9 +142,6 @@ class Rig:
         program.end_line()
         program.finish()
         self.run()
-
-    def of(self, kind: EventKind) -> list[ExecutorEvent]:
-        return [event for event in self.events if event.kind is kind]
 
     def time_of(self, kind: EventKind, line: int) -> float:
         (event,) = [event for event in self.of(kind) if event.line == line]

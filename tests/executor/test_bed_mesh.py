@@ -121,13 +121,6 @@ class Bed(Planned):
             super().step()
             self.executor.mailbox.set_input(0, float(self.height <= 0.0))
 
-    def run(self, limit: int = 120_000) -> Bed:
-        for _ in range(limit):
-            self.step()
-            if self.ended:
-                return self
-        raise AssertionError(f"no end: {self.events[-5:]}")
-
     def until(self, reached: Callable[[], bool]) -> Bed:
         for _ in range(60_000):
             self.step()

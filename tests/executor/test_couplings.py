@@ -26,7 +26,7 @@ from mcserver.machine.section_reader import MachineFileRejected
 from mcserver.motion.canonical import AxisOperation
 from mcserver.simulation.simulation import simulate
 from mcserver.units import DEGREE, MM
-from tests.executor.coupled import LAW, Coupled, abort, hold, under_orders
+from tests.executor.coupled import LAW, Coupled, abort, hold, pushed, pushes, under_orders
 from tests.executor.rig import Rig
 from tests.machine_text import axes_text
 
@@ -159,22 +159,12 @@ def test_an_axis_follows_an_encoder_that_moves_from_step_in_to_uncoupled_without
 
 
 @LAW
-@given(
-    st.dictionaries(
-        st.integers(300, 2500), st.tuples(st.sampled_from(["push", "load"]), st.floats(-5.0, 5.0)), max_size=6
-    )
-)
+@given(pushed(range(300, 2500)))
 def test_whatever_the_encoder_does_the_follower_keeps_its_limits(
     what: dict[int, tuple[str, float]],
 ) -> None:
     program = "G1010 P5 G1010 P6\nG1030 [5]300\nG1060 P6\nG04 P2.4\nM2"
-    cell = Coupled(MACHINE, program)
-    cell.play(
-        {
-            cycle: lambda each, kind=kind, value=value: getattr(each.bus, kind)(each.column(5), value)
-            for cycle, (kind, value) in what.items()
-        }
-    )
+    cell = Coupled(MACHINE, program).play(pushes(what, 5))
     assert cell.broken() == []
     assert set(cell.faults) <= {FaultCode.OUT_OF_STEP}
 

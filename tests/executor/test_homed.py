@@ -7,7 +7,7 @@ import pytest
 
 from mcserver.executor.entries import ControlKind, EventKind
 from mcserver.executor.fault_codes import FaultCode
-from mcserver.executor.stored_reference import StoredReference
+from mcserver.executor.process_start import StoredReference
 from tests.executor.homing_cell import MM, SWITCH, Cell, machine
 
 

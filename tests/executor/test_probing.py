@@ -34,13 +34,6 @@ class Cell(Planned):
         start = StartState.of(made).at({axis.index: 0.0 for axis in made.axes})
         super().__init__(made, text, start=start, homed=False)
 
-    def run(self, limit: int = 30000) -> None:
-        for _ in range(limit):
-            self.step()
-            if self.ended:
-                return
-        raise AssertionError(f"no end: {self.events}")
-
 
 def probed(cell: Cell) -> tuple[bool, Array]:
     (event,) = cell.of(EventKind.PROBED)
@@ -169,7 +162,7 @@ def test_a_stop_while_probing_keeps_the_limits(how: str) -> None:
         cell.executor.mailbox.abort(0)
     else:
         cell.executor.mailbox.emergency_stop()
-    cell.run(2000)
+    cell.run(limit=2000)
     path = np.array(cell.rows)[:, 2]
     assert np.abs(np.diff(path, 2)).max() <= 1.0 * cell.machine.cycle_s**2 * (1 + 1e-6)
     assert cell.of(EventKind.PROBED) == []

@@ -14,7 +14,7 @@ import pytest
 from mcserver.executor.client import ExecutorProcess
 from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.executor import Executor
-from mcserver.executor.process import ExitCode, ProcessState, run_loop
+from mcserver.executor.process import ExitCode, run_loop
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.executor.rig import Program, machine
 
@@ -68,7 +68,7 @@ def test_a_program_runs_in_the_process_and_it_ends_when_asked(process: ExecutorP
     events: list[ExecutorEvent] = []
 
     def finished() -> bool:
-        events.extend(process.events())
+        events.extend(process.parts.events.take())
         return any(event.kind is EventKind.FINISHED for event in events)
 
     eventually(finished)
@@ -85,7 +85,6 @@ def test_a_program_runs_in_the_process_and_it_ends_when_asked(process: ExecutorP
     assert before <= first + len(rows) <= process.history.written
     assert process.stop() == ExitCode.ASKED
     beating.stop()
-    assert process.state is ProcessState.ENDED
     assert not process.alive
 
 
@@ -98,7 +97,7 @@ def test_a_lost_server_brings_motion_to_rest_and_ends_the_process(process: Execu
     beating.stop()
     eventually(lambda: process.exit_code is not None)
     assert process.exit_code == ExitCode.SERVER_LOST
-    assert 413 in [event.code for event in process.events() if event.kind is EventKind.FAULT]
+    assert 413 in [event.code for event in process.parts.events.take() if event.kind is EventKind.FAULT]
     last = process.feedback
     assert last.velocity[0] == 0.0
     _, rows = process.history.since(0)
@@ -142,7 +141,7 @@ def test_an_executor_that_was_stopped_at_speed_stays_where_it_was(process: Execu
     events: list[ExecutorEvent] = []
 
     def stopped() -> bool:
-        events.extend(process.events())
+        events.extend(process.parts.events.take())
         return any(event.kind is EventKind.STOPPED for event in events)
 
     eventually(stopped)

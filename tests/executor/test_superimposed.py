@@ -19,8 +19,7 @@ from mcserver.gcode.program_check import check_program
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.machine.section_reader import MachineFileRejected
 from mcserver.units import MM
-from tests.executor.coupled import LAW, Coupled, abort, hold, resume, under_orders
-from tests.limits import broken_limits
+from tests.executor.coupled import LAW, Coupled, abort, eye, hold, pushed, pushes, resume, under_orders
 from tests.machine_text import axes_text
 
 BESIDES = (
@@ -73,18 +72,6 @@ class Picker(Coupled):
     def offsets(self) -> Array:
         """Where X is ordered to be beside the program, in each cycle [m]: what the belt has gone."""
         return np.array(self.actuals)[:, self.column(5)]
-
-    def broken(self, *, jerk: bool = True, but: tuple[int, ...] = (5,)) -> list[str]:
-        """Limits of the file that setpoints pass in any cycle."""
-        kept = [n for n, axis in enumerate(self.machine.axes) if axis.index not in but]
-        limits = []
-        for name in ("velocity", "acceleration", "jerk")[: 3 if jerk else 2]:
-            found = []
-            for axis in (self.machine.axes[n] for n in kept):
-                besides = 0.0 if axis.reserved is None else getattr(axis.reserved, name)
-                found.append(getattr(axis, f"max_{name}") + besides)
-            limits.append(found)
-        return broken_limits(np.array(self.rows)[:, kept], limits)
 
 
 def test_a_share_of_the_limits_is_kept_from_programs() -> None:
@@ -140,23 +127,12 @@ def test_whatever_is_ordered_limits_are_kept_and_a_stop_leaves_the_axis_at_rest(
 
 
 @LAW
-@given(
-    st.dictionaries(
-        st.integers(300, 1500), st.tuples(st.sampled_from(["push", "load"]), st.floats(-5.0, 5.0)), max_size=6
-    ),
-    st.booleans(),
-)
+@given(pushed(range(300, 1500)), st.booleans())
 def test_whatever_the_belt_does_the_axis_keeps_its_limits(
     what: dict[int, tuple[str, float]], shaped: bool
 ) -> None:
     keys = 'shaper = { type = "ei", frequency_hz = 40.0 }' if shaped else ""
-    cell = Picker(machine(keys=keys), f"{BELT}G1060 P0\n{SHAPE}G1061\nM2")
-    cell.play(
-        {
-            cycle: lambda each, kind=kind, value=value: getattr(each.bus, kind)(each.column(5), value)
-            for cycle, (kind, value) in what.items()
-        }
-    )
+    cell = Picker(machine(keys=keys), f"{BELT}G1060 P0\n{SHAPE}G1061\nM2").play(pushes(what, 5))
     assert cell.broken() == []
     assert set(cell.faults) <= {FaultCode.OUT_OF_STEP, FaultCode.WINDOW_LEFT}
 
@@ -242,13 +218,6 @@ def test_a_program_ends_once_the_axis_stands() -> None:
     assert cell.faults == []
     assert cell.broken() == []
     assert cell.executor.executor._cycle.couplings.engaged == ()
-
-
-def eye(*risen: float) -> str:
-    """An input that works pass at these times [s]."""
-    values = ((at + later, value) for at in risen for later, value in ((0.0, "true"), (0.05, "false")))
-    script = ", ".join(f"{{ at_s = {at:.3f}, value = {value} }}" for at, value in values)
-    return f'[[input]]\nnumber = 4\nname = "eye"\nsimulated = [{script}]\n'
 
 
 @pytest.mark.parametrize("risen", [(0.1,), (0.1, 2.7)])

@@ -25,8 +25,7 @@ from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.machine.section_reader import MachineFileRejected
 from mcserver.simulation.simulation import simulate
 from mcserver.units import MM
-from tests.executor.coupled import LAW, Coupled, abort, hold, resume, under_orders
-from tests.limits import broken_limits
+from tests.executor.coupled import LAW, Coupled, abort, eye, hold, pushed, pushes, resume, under_orders
 from tests.machine_text import axes_text
 
 ARM = resources.files("mcserver.machine.builtin").joinpath("arm6.toml").read_text("utf-8")
@@ -58,6 +57,8 @@ class Worker(Coupled):
         ordered: of each cycle what the program orders the joints, shape (K,). steady: whether the tip is in
             step with the piece.
     """
+
+    led = (9,)
 
     def __init__(self, made: Machine, text: str, **options: object) -> None:
         self.kinematics = build_kinematics(made)
@@ -99,19 +100,6 @@ class Worker(Coupled):
         """Cycles from where the tip has come into step to where it is let go."""
         (found,) = np.nonzero(self.steady)
         return slice(int(found[0]), int(found[-1]))
-
-    @property
-    def whole(self) -> list[Array]:
-        """Velocity, acceleration and jerk of the joints in the file."""
-        limits = []
-        for name in ("velocity", "acceleration", "jerk"):
-            own = [(getattr(axis, f"max_{name}"), axis.reserved) for axis in self.machine.axes]
-            limits.append(np.array([most + getattr(kept, name) for most, kept in own if kept is not None]))
-        return limits
-
-    def broken(self, *, jerk: bool = True, but: tuple[int, ...] = ()) -> list[str]:  # noqa: ARG002
-        """Limits of the file that joints pass in any cycle."""
-        return broken_limits(np.array(self.rows)[:, : self.chain.size], self.whole[: 3 if jerk else 2])
 
 
 def begun(speed: float = 600.0, y: float = -120.0) -> str:
@@ -189,25 +177,14 @@ def test_whatever_is_ordered_limits_are_kept_and_a_stop_leaves_the_arm_at_rest(
 
 
 @LAW
-@given(
-    st.dictionaries(
-        st.integers(600, 1500), st.tuples(st.sampled_from(["push", "load"]), st.floats(-5.0, 5.0)), max_size=6
-    ),
-    st.booleans(),
-)
+@given(pushed(range(600, 1500)), st.booleans())
 def test_whatever_the_belt_does_the_joints_keep_their_limits(
     what: dict[int, tuple[str, float]], shaped: bool
 ) -> None:
     # the shaper of one axis delays all
     beside = axes_text((8,), keys='shaper = { type = "ei", frequency_hz = 40.0 }')
     made = machine(inputs=f"{beside}[motion]\npath_tolerance_mm = 0.3\n" if shaped else "")
-    cell = Worker(made, f"{begun()}{shape()}G1061\nM2")
-    cell.play(
-        {
-            cycle: lambda each, kind=kind, value=value: getattr(each.bus, kind)(each.column(9), value)
-            for cycle, (kind, value) in what.items()
-        }
-    )
+    cell = Worker(made, f"{begun()}{shape()}G1061\nM2").play(pushes(what, 9))
     assert cell.broken() == []
     assert set(cell.faults) <= {FaultCode.OUT_OF_STEP, FaultCode.WINDOW_LEFT, FaultCode.TOOL_BEYOND}
 
@@ -245,8 +222,7 @@ def test_where_the_drive_of_a_joint_fails_the_others_come_to_rest_by_themselves(
     cell = Worker(MACHINE, f"{begun()}{shape()}G1061\nM2")
     cell.play({1300: lambda each: each.bus.trip(each.column(axis))})
     assert cell.faults == [FaultCode.OVER_TEMPERATURE]
-    others = [column for column in range(6) if column != axis]
-    assert broken_limits(np.array(cell.rows)[:, others], [each[others] for each in cell.whole]) == []
+    assert cell.broken(but=(*cell.led, axis)) == []
     assert cell.engaged == ()
 
 
@@ -256,13 +232,6 @@ def test_the_end_of_the_window_stops_the_program_within_it() -> None:
     assert cell.faults == [FaultCode.WINDOW_LEFT]
     assert cell.broken() == []
     assert np.ptp((cell.tip(cell.rows)[0] - cell.tip(cell.ordered)[0])[:-5, 1]) < 100.0 * MM + 1e-6
-
-
-def eye(*risen: float) -> str:
-    """An input that works pass at these times [s]."""
-    values = ((at + later, value) for at in risen for later, value in ((0.0, "true"), (0.05, "false")))
-    script = ", ".join(f"{{ at_s = {at:.3f}, value = {value} }}" for at, value in values)
-    return f'[[input]]\nnumber = 4\nname = "eye"\nsimulated = [{script}]\n'
 
 
 def test_three_works_come_and_the_one_that_has_left_the_window_is_passed_over() -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from mcserver.drives.simulated import SimulatedBus
@@ -43,15 +41,7 @@ def lathe_text(*, drive: str = "simulated", resolution: float = 0.09) -> str:
 
 
 class Turned(Planned):
-    """A program on a lathe; ``script`` is called with each cycle's number before it."""
-
-    def run(self, script: Callable[[int], None] = lambda _: None, limit: int = 30000) -> None:
-        for cycle in range(limit):
-            script(cycle)
-            self.step()
-            if self.ended:
-                return
-        raise AssertionError(f"no end: {self.events}")
+    """A program on a lathe."""
 
     @property
     def bus(self) -> SimulatedBus:

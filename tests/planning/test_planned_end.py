@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import cast
 
-from mcserver.executor.view import SlotView
+from mcserver.executor.shm.feedback import SlotView
 from mcserver.planning.planner import END_PERIOD_S, PipelineMaker, Planner, PlannerPort
 from mcserver.planning.planner_messages import Begin, PipelineRequest, Validated
 

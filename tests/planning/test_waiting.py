@@ -37,7 +37,6 @@ class Hall:
             time=0.0,
             cycle=0,
             late_cycles=0,
-            lost_events=0,
             line=0,
             estop=False,
             setpoint=nothing,

@@ -13,9 +13,9 @@ import numpy as np
 
 from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.executor.entries import EventKind, ExecutorEvent
+from mcserver.executor.shm.feedback import SlotView
 from mcserver.executor.shm.mailbox import CommandMailbox
 from mcserver.executor.shm.rings import ProgramRing
-from mcserver.executor.view import SlotView
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.planning.line_buffer import LineBuffer

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from mcserver.executor.stored_reference import StoredReference
+from mcserver.executor.process_start import StoredReference
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.service.references import References
 from tests.machine_text import axes_text

@@ -11,9 +11,8 @@ from typing import Any
 
 from mcserver.errors import ServiceError
 from mcserver.executor.entries import ExecutorEvent
-from mcserver.executor.shm.feedback import FeedbackState
+from mcserver.executor.shm.feedback import FeedbackState, SlotView
 from mcserver.executor.shm.rings import ProgramRing
-from mcserver.executor.view import SlotView
 from mcserver.machine.machine_file import Machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.planning.planner import Planner

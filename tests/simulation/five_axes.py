@@ -1,4 +1,6 @@
-"""Five-axis machines for tests: a URDF, a machine file and forward kinematics of their own from one list."""
+"""Five-axis machines for tests: a URDF, a machine file and forward kinematics of their own from one list; and
+programs on them.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +11,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.machine.machine_file import Machine, parse_machine
+from mcserver.machine.machine_kinematics import build_kinematics
+from mcserver.simulation.simulation import Simulation, simulate
+from tests.limits import assert_keeps
 
 Array = NDArray[np.float64]
 LENGTH = 80.0  # of the cutter [mm]
+# of the work piece, by G10 L2 P1 X5 Y-7 Z-200 [mm]
+ZERO = (5.0, -7.0, -200.0)
 LIMITS = {"linear": (500.0, 4000.0, 80000.0), "rotary": (150.0, 1500.0, 30000.0)}
 
 
@@ -58,7 +66,10 @@ class FiveAxes:
             )
         return "".join(parts) + "</robot>"
 
-    def machine(self, folder: Path, dialect: str = 'profile = "cnc"', tolerance: float = 0.02) -> Machine:
+    def machine(
+        self, folder: Path, dialect: str = 'profile = "cnc"', tolerance: float = 0.02, turntable: str = ""
+    ) -> Machine:
+        """The machine in the files of a folder; ``turntable``: more keys of axis 5."""
         (folder / "mill.urdf").write_text(self.urdf(), "utf-8")
         order = [each.axis for each in (*self.table[::-1], *self.head)]
         text = (
@@ -73,6 +84,7 @@ class FiveAxes:
                 f'[[axis]]\nindex = {index}\ntype = "{kind}"\nmax_velocity = {velocity}\n'
                 f"max_acceleration = {acceleration}\nmax_jerk = {jerk}\n"
                 + ("min_position = -500.0\nmax_position = 500.0\n" if kind == "linear" else "")
+                + (turntable if index == 5 else "")
                 + '[axis.drive]\nkind = "ideal"\ninitial_position = 0.0\n'
             )
         return parse_machine(text, folder=folder)
@@ -132,3 +144,50 @@ HEAD_HEAD = FiveAxes(
         Joint(4, (0, 30, 30), (0, 0.7071067811865476, 0.7071067811865476)),
     ),
 )
+MILLS = {"tables": TABLE_TABLE, "mixed": HEAD_TABLE, "heads": HEAD_HEAD}
+
+
+def reader(machine: Machine, *lines: str) -> Interpreter:
+    """An interpreter that has read lines."""
+    found = Interpreter(machine, kinematics=build_kinematics(machine))
+    for number, line in enumerate("\n".join(lines).splitlines(), start=1):
+        parsed = found.parse(line, number)
+        if found.capture_before(parsed) is not None:
+            found.sync_positions(found.positions)
+        found.interpret(parsed)
+    return found
+
+
+def place(machine: Machine, found: Interpreter) -> dict[int, float]:
+    """Positions of the axes [mm or deg]."""
+    units = {axis.index: axis.type.si_per_unit for axis in machine.axes}
+    return {axis: value / units[axis] for axis, value in found.positions.items()}
+
+
+def at_end(machine: Machine, found: Interpreter) -> dict[int, Array]:
+    return {axis: np.array([value]) for axis, value in place(machine, found).items()}
+
+
+def run(machine: Machine, text: str) -> Simulation:
+    found = simulate(text, machine, kinematics=build_kinematics(machine), record=True)
+    assert found.report["ok"], found.report["diagnostics"]
+    return found
+
+
+def rows(found: Simulation, machine: Machine) -> dict[int, Array]:
+    """Setpoints by axis, in mm and degrees."""
+    assert found.recording is not None
+    return {axis.index: found.recording.setpoint[:, at] for at, axis in enumerate(machine.axes)}
+
+
+def tips(mill: FiveAxes, positions: Mapping[int, Array]) -> Array:
+    """The tip in the program's coordinates: with all rotary axes at zero they are those of the axes."""
+    still = {axis: np.zeros(1) for axis in positions}
+    origin = mill.tip({**still, **{axis: np.array([each]) for axis, each in enumerate(ZERO)}})[0]
+    # the program's zero is where the spindle's point is there, without a cutter
+    return mill.tip(positions) - (origin + np.array([0.0, 0.0, LENGTH]))
+
+
+def assert_within_limits(found: Simulation, machine: Machine) -> None:
+    for axis, values in rows(found, machine).items():
+        assert_keeps(values, LIMITS["rotary" if axis > 2 else "linear"], most=(1.0001, 1.001, 1.05))

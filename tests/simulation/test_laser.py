@@ -12,12 +12,12 @@ from mcserver.executor.entries import EventKind
 from mcserver.gcode.program_check import check_program
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.machine.section_reader import MachineFileRejected
-from mcserver.planning.pipeline import Pipeline
 from mcserver.planning.start_state import StartState
 from mcserver.planning.state_before import state_before
 from mcserver.service.approach import plan_approach
 from mcserver.simulation.simulation import Simulation, simulate
 from mcserver.simulation.virtual_executor import VirtualExecutor
+from tests.executor.planned import Planned
 from tests.machine_text import axes_text
 
 Array = NDArray[np.float64]
@@ -106,26 +106,15 @@ def test_a_thousand_powers_on_chords_take_the_time_of_the_chords(code: str) -> N
 
 def play(lines: list[str], orders: dict[int, Callable[[VirtualExecutor], None]]) -> tuple[Array, Array]:
     """Play a program with orders in some cycles; return the setpoints of X [m] and the power by cycle."""
-    described = machine()
-    executor = VirtualExecutor(described)
-    executor.open_slot(0)
-    pipeline = Pipeline(described, executor.sink(0), start=StartState.of(described))
-    pipeline.lines.put(1, [*HEAD, *lines])
-    pipeline.lines.closed = True
-    places, powers = [], []
+    played = Planned(machine(), "\n".join([*HEAD, *lines]))
+    powers = []
     for cycle in range(3000):
-        orders.get(cycle, lambda _: None)(executor)
-        while pipeline.pump(executor.u(0)):
-            continue
-        executor.step()
-        row = executor.executor.row
-        places.append(float(row.setpoint[0]))
-        powers.append(float(row.outputs[0]))
-        for event in executor.events():
-            pipeline.on_event(event)
-            if event.kind is EventKind.FINISHED:
-                return np.array(places), np.array(powers)
-    return np.array(places), np.array(powers)
+        orders.get(cycle, lambda _: None)(played.executor)
+        played.step()
+        powers.append(float(played.executor.executor.row.outputs[0]))
+        if played.of(EventKind.FINISHED):
+            break
+    return np.array(played.rows)[:, 0], np.array(powers)
 
 
 @pytest.mark.parametrize("code", ["M3", "M4"])

@@ -21,16 +21,24 @@ from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.canonical import FeedGroup, MotionLine, RapidGroup
 from mcserver.planning.start_state import StartState
 from mcserver.planning.state_before import state_before
-from mcserver.simulation.simulation import simulate
 from mcserver.units import DEGREE, MM
 from tests.bench.rs274_programs import MACHINE
 from tests.gcode.test_transformations import travels
-from tests.limits import assert_keeps
 
-from .five_axes import HEAD_HEAD, HEAD_TABLE, LENGTH, LIMITS, TABLE_TABLE, Array, FiveAxes
+from .five_axes import (
+    HEAD_HEAD,
+    HEAD_TABLE,
+    LENGTH,
+    MILLS,
+    TABLE_TABLE,
+    ZERO,
+    Array,
+    FiveAxes,
+    assert_within_limits,
+    reader,
+    run,
+)
 
-MILLS = {"tables": TABLE_TABLE, "mixed": HEAD_TABLE, "heads": HEAD_HEAD}
-ZERO = (5.0, -7.0, -200.0)
 BEGIN = ("G10 L2 P1 X5 Y-7 Z-200", "G54 G64 F1000")
 ORIGIN, ANGLES = np.array([4.0, -3.0, 12.0]), (25.0, 35.0, -70.0)
 PLANE = "G68.2 X4 Y-3 Z12 I25 J35 K-70"
@@ -65,10 +73,6 @@ def on_plane(mill: FiveAxes, rows: Array, origin: Array, angles: Sequence[float]
     tips = mill.tip({axis: rows[:, axis] for axis in range(6)})
     places: Array = ((tips - zero) @ across - origin) @ turned(angles)
     return places
-
-
-def reader(machine: Machine) -> Interpreter:
-    return Interpreter(machine, kinematics=build_kinematics(machine))
 
 
 def read(found: Interpreter, *lines: str) -> Array:
@@ -255,11 +259,6 @@ def mill(
 ) -> tuple[FiveAxes, Machine]:
     found = MILLS[request.param]
     return found, found.machine(tmp_path_factory.mktemp("mill"))
-
-
-@pytest.fixture(scope="module")
-def trunnion(tmp_path_factory: pytest.TempPathFactory) -> Machine:
-    return TABLE_TABLE.machine(tmp_path_factory.mktemp("trunnion"))
 
 
 def test_length_and_zero_of_the_part_count_as_everywhere(mill: tuple[FiveAxes, Machine]) -> None:
@@ -501,12 +500,9 @@ def test_arcs_and_holes_on_a_head_s_plane_keep_every_axis_s_limits(tmp_path: Pat
     machine = HEAD_HEAD.machine(tmp_path)
     text = [*BEGIN, PLANE, "G53.1", "G0 G43 H1 X0 Y0 Z20", "G1 Z5 F6000", "G2 I15 J5", "G3 X20 Y9 R15 Z8"]
     text += ["G83 X5 Y5 Z-5 R3 Q3", "X12", "G80", "G18 G2 X0 Z8 R30", "G69", "G53 G0 Z0", "G91 G28 Z0"]
-    found = simulate("\n".join(text), machine, kinematics=build_kinematics(machine), record=True)
-    assert found.report["ok"], found.report["diagnostics"]
+    found = run(machine, "\n".join(text))
     assert found.recording is not None
-    for at, axis in enumerate(machine.axes):
-        limits = LIMITS["rotary" if axis.index > 2 else "linear"]
-        assert_keeps(found.recording.setpoint[:, at], limits, most=(1.0001, 1.001, 1.05))
+    assert_within_limits(found, machine)
     rows = np.zeros((len(found.recording.setpoint), 6))
     rows[:, [axis.index for axis in machine.axes]] = found.recording.setpoint
     circle = on_plane(HEAD_HEAD, rows[found.recording.line == 7], ORIGIN, ANGLES)

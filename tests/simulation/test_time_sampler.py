@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mcserver.machine.machine_file import load_machine
 from mcserver.planning.start_state import StartState
-from mcserver.simulation.program_checker import preview_text
+from mcserver.simulation.preview import preview
 from mcserver.simulation.time_sampler import MAX_VALUES, TimeSampler, moments_for
 
 
@@ -35,7 +35,7 @@ def test_a_path_of_many_axes_has_fewer_moments() -> None:
 
 def test_a_preview_has_the_axes_that_are_wanted_and_the_reports_extents() -> None:
     machine = load_machine("cartesian")
-    found = preview_text(
+    found = preview(
         "G1010\nG94 F6000\nG01 X20 Y-5\nG01 Z3\nM30\n", machine, StartState.of(machine), (0, 1, 2), "operator"
     )
     report, path = found.report, found.path
@@ -52,7 +52,7 @@ def test_a_preview_has_the_axes_that_are_wanted_and_the_reports_extents() -> Non
 
 def test_a_preview_of_a_leg_has_the_path_of_its_foot() -> None:
     machine = load_machine("robot-dog")
-    found = preview_text(
+    found = preview(
         "G1010\nG94 F3000\nT3 G91 G01 Z10\n", machine, StartState.of(machine), (0, 1, 2), "operator"
     )
     report, path = found.report, found.path
@@ -64,7 +64,7 @@ def test_a_preview_of_a_leg_has_the_path_of_its_foot() -> None:
 
 def test_a_program_with_faults_has_no_path() -> None:
     machine = load_machine("cartesian")
-    found = preview_text("G01 X99999 F5", machine, StartState.of(machine), (0,), "operator")
+    found = preview("G01 X99999 F5", machine, StartState.of(machine), (0,), "operator")
     report, path = found.report, found.path
     assert not report["ok"]
     assert path == {"time_s": [], "positions": [[]], "tools": []}

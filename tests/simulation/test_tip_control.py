@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from pathlib import Path
 
 import numpy as np
@@ -15,50 +14,27 @@ from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.canonical import FeedGroup, MotionLine
 from mcserver.planning.start_state import StartState
 from mcserver.planning.state_before import state_before
-from mcserver.simulation.simulation import Simulation, simulate
-from tests.limits import assert_keeps
+from mcserver.simulation.simulation import simulate
+from tests.motion.measure import from_polyline
 
-from .five_axes import HEAD_HEAD, HEAD_TABLE, LIMITS, TABLE_TABLE, Array, FiveAxes
+from .five_axes import (
+    HEAD_HEAD,
+    HEAD_TABLE,
+    TABLE_TABLE,
+    FiveAxes,
+    assert_within_limits,
+    at_end,
+    reader,
+    rows,
+    run,
+    tips,
+)
 
 ROOT = Path(__file__).parents[2]
 # of the corners, and of the path between them [mm]
 TOLERANCE, PATH = 0.02, 0.01
 ROTARY = {id(TABLE_TABLE): (3, 5), id(HEAD_TABLE): (4, 5), id(HEAD_HEAD): (4, 5)}
 BEGIN = "G10 L2 P1 X5 Y-7 Z-200\nG54 G64\nG43.4 H1"
-
-
-def run(machine: Machine, text: str) -> Simulation:
-    found = simulate(text, machine, kinematics=build_kinematics(machine), record=True)
-    assert found.report["ok"], found.report["diagnostics"]
-    return found
-
-
-def rows(found: Simulation, machine: Machine) -> dict[int, Array]:
-    """Setpoints by axis, in mm and degrees."""
-    assert found.recording is not None
-    return {axis.index: found.recording.setpoint[:, at] for at, axis in enumerate(machine.axes)}
-
-
-def program_points(mill: FiveAxes, positions: dict[int, Array], zero: tuple[float, float, float]) -> Array:
-    """The tip in the program's coordinates: with all rotary axes at zero they are those of the axes."""
-    still = {axis: np.zeros(1) for axis in positions}
-    origin = mill.tip({**still, **{axis: np.array([each]) for axis, each in enumerate(zero)}})[0]
-    # G43.4 leads the tip to where the point of the spindle would be without a cutter
-    return mill.tip(positions) - (origin + np.array([0.0, 0.0, 80.0]))
-
-
-def off(points: Array, corners: Array) -> Array:
-    """Distance of points from a polyline [mm]."""
-    found = np.full(len(points), np.inf)
-    for a, b in itertools.pairwise(corners):
-        along = np.clip((points - a) @ (b - a) / max((b - a) @ (b - a), 1e-12), 0.0, 1.0)
-        found = np.minimum(found, np.linalg.norm(points - (a + along[:, None] * (b - a)), axis=1))
-    return found
-
-
-def assert_within_limits(found: Simulation, machine: Machine) -> None:
-    for axis, values in rows(found, machine).items():
-        assert_keeps(values, LIMITS["rotary" if axis > 2 else "linear"], most=(1.0001, 1.001, 1.05))
 
 
 @pytest.mark.parametrize("mill", [TABLE_TABLE, HEAD_TABLE, HEAD_HEAD], ids=["tables", "mixed", "heads"])
@@ -78,9 +54,9 @@ def test_the_tip_keeps_its_line_on_the_work_piece_and_its_feed_while_rotary_axes
     found = run(machine, "\n".join(text))
     assert found.recording is not None
     positions = rows(found, machine)
-    points = program_points(mill, positions, (5.0, -7.0, -200.0))
+    points = tips(mill, positions)
     feeding = found.recording.line > 4
-    assert off(points[feeding], corners).max() <= TOLERANCE + PATH
+    assert from_polyline(points[feeding], corners) <= TOLERANCE + PATH
     assert np.abs(points[-1] - corners[-1]).max() < 1e-6
     assert [positions[axis][-1] for axis in (first, second)] == pytest.approx(turns[-1], abs=1e-9)
     speed = np.linalg.norm(np.diff(points[feeding], axis=0), axis=1) * 1000.0 * 60.0
@@ -104,9 +80,9 @@ def test_chords_flow_as_one_curve_within_the_tolerance_and_the_feed_at_the_tip(
     ]
     found = run(machine, "\n".join([BEGIN, "F1800", lines[0].replace("G1", "G0"), *lines[1:]]))
     assert found.recording is not None
-    points = program_points(mill, rows(found, machine), (5.0, -7.0, -200.0))
+    points = tips(mill, rows(found, machine))
     feeding = found.recording.line > 5
-    assert off(points[feeding], corners).max() <= TOLERANCE + PATH
+    assert from_polyline(points[feeding], corners) <= TOLERANCE + PATH
     assert (np.linalg.norm(np.diff(points[feeding], axis=0), axis=1) * 6e4).max() <= 1800.0 * 1.001
     asked = float(np.linalg.norm(np.diff(corners, axis=0), axis=1).sum()) / 30.0
     assert feeding.sum() * 0.001 <= 1.05 * asked
@@ -120,7 +96,7 @@ def test_the_feed_at_the_tip_is_kept_where_all_axes_go_far_for_a_short_way_of_it
     ]
     found = run(trunnion, "\n".join([BEGIN, "G64 P0.05", "G0 X30 Y0 Z60", "F100", *lines]))
     assert found.recording is not None
-    points = program_points(TABLE_TABLE, rows(found, trunnion), (5.0, -7.0, -200.0))
+    points = tips(TABLE_TABLE, rows(found, trunnion))
     speed = np.linalg.norm(np.diff(points[found.recording.line > 6], axis=0), axis=1) * 6e4
     assert speed.max() <= 100.0 * 1.002
 
@@ -130,12 +106,12 @@ def test_rotary_axes_go_evenly_along_the_line_and_a_rapid_is_straight(tmp_path: 
     found = run(machine, f"{BEGIN}\nG0 X40 Y0 Z20 A-30 C60\nG1 X-20 Y30 Z40 A10 C-90 F600")
     assert found.recording is not None
     positions = rows(found, machine)
-    points = program_points(TABLE_TABLE, positions, (5.0, -7.0, -200.0))
+    points = tips(TABLE_TABLE, positions)
     for number, begin, end in ((4, (0, 0, 0), (40, 0, 20)), (5, (40, 0, 20), (-20, 30, 40))):
         line = found.recording.line == number
         a = points[line][0] if number == 4 else np.array(begin, dtype=float)
         b = np.array(end, dtype=float)
-        assert off(points[line], np.array([a, b])).max() <= PATH
+        assert from_polyline(points[line], np.array([a, b])) <= PATH
         share = (points[line] - a) @ (b - a) / ((b - a) @ (b - a))
         for axis in (3, 5):
             q = positions[axis][line]
@@ -145,27 +121,8 @@ def test_rotary_axes_go_evenly_along_the_line_and_a_rapid_is_straight(tmp_path: 
     assert_within_limits(found, machine)
 
 
-@pytest.fixture(scope="module")
-def trunnion(tmp_path_factory: pytest.TempPathFactory) -> Machine:
-    return TABLE_TABLE.machine(tmp_path_factory.mktemp("mill"))
-
-
-def reader(machine: Machine, *lines: str) -> Interpreter:
-    found = Interpreter(machine, kinematics=build_kinematics(machine))
-    for number, line in enumerate("\n".join(lines).splitlines(), start=1):
-        parsed = found.parse(line, number)
-        if found.capture_before(parsed) is not None:
-            found.sync_positions(found.positions)
-        found.interpret(parsed)
-    return found
-
-
 def tip_of(machine: Machine, found: Interpreter) -> list[float]:
-    units = {axis.index: axis.type.si_per_unit for axis in machine.axes}
-    positions = {axis: np.array([value / units[axis]]) for axis, value in found.positions.items()}
-    return [
-        round(each, 6) for each in program_points(TABLE_TABLE, positions, (5.0, -7.0, -200.0))[0].tolist()
-    ]
+    return [round(each, 6) for each in tips(TABLE_TABLE, at_end(machine, found))[0].tolist()]
 
 
 def test_words_left_out_keep_the_tip_on_the_work_piece_and_increments_count_from_it(
@@ -183,7 +140,7 @@ def test_parameters_of_the_position_read_the_tip(trunnion: Machine) -> None:
         trunnion, f"{BEGIN}\nG1 X10 Y20 Z30 A-20 C45 F900\nG1 X[#5420 + 1] Y[#<_y> - 2] Z[#5422] C[#5425]"
     )
     positions = rows(found, trunnion)
-    points = program_points(TABLE_TABLE, positions, (5.0, -7.0, -200.0))
+    points = tips(TABLE_TABLE, positions)
     assert points[-1] == pytest.approx([11.0, 18.0, 30.0], abs=1e-6)
     assert positions[5][-1] == pytest.approx(45.0)
 
@@ -202,7 +159,7 @@ def test_arcs_lie_on_the_work_piece_and_g93_gives_their_time(trunnion: Machine) 
     text = f"{BEGIN}\nG0 X20 Y0 Z10\nG93 G17 G3 X-20 Y0 I-20 J0 A-25 C40 F30"
     found = run(trunnion, text)
     assert found.recording is not None
-    points = program_points(TABLE_TABLE, rows(found, trunnion), (5.0, -7.0, -200.0))
+    points = tips(TABLE_TABLE, rows(found, trunnion))
     last = found.recording.line == 5
     assert np.abs(np.hypot(points[last, 0], points[last, 1]) - 20.0).max() <= PATH
     assert np.abs(points[last, 2] - 10.0).max() <= PATH

@@ -12,55 +12,36 @@ import pytest
 from mcserver.errors import ProgramRejected
 from mcserver.gcode.modal_codes import modal_codes
 from mcserver.gcode.semantics.interpreter import Interpreter
-from mcserver.machine.machine_file import Machine, parse_machine
+from mcserver.machine.machine_file import Machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.planning.start_state import StartState
 from mcserver.planning.state_before import state_before
-from mcserver.simulation.simulation import simulate
-from tests.limits import assert_keeps
 
-from .five_axes import HEAD_HEAD, HEAD_TABLE, LENGTH, LIMITS, TABLE_TABLE, Array, FiveAxes
+from .five_axes import (
+    HEAD_HEAD,
+    MILLS,
+    TABLE_TABLE,
+    Array,
+    FiveAxes,
+    assert_within_limits,
+    at_end,
+    place,
+    reader,
+    rows,
+    run,
+    tips,
+)
 
-MILLS = {"tables": TABLE_TABLE, "mixed": HEAD_TABLE, "heads": HEAD_HEAD}
 # tilting axis, and the one about Z; the first that counts of two positions
 ROTARY = {"tables": (3, 5), "mixed": (4, 5), "heads": (4, 5)}
 FIRST = {"tables": 3, "mixed": 5, "heads": 5}
-ZERO = (5.0, -7.0, -200.0)
 BEGIN = ("G10 L2 P1 X5 Y-7 Z-200", "G54 G64 F900")
-
-
-def reader(machine: Machine, *lines: str) -> Interpreter:
-    found = Interpreter(machine, kinematics=build_kinematics(machine))
-    for number, line in enumerate(lines, 1):
-        parsed = found.parse(line, number)
-        if found.capture_before(parsed) is not None:
-            found.sync_positions(found.positions)
-        found.interpret(parsed)
-    return found
-
-
-def place(machine: Machine, found: Interpreter) -> dict[int, float]:
-    """Positions of the axes [mm or deg]."""
-    units = {axis.index: axis.type.si_per_unit for axis in machine.axes}
-    return {axis: value / units[axis] for axis, value in found.positions.items()}
-
-
-def tip(mill: FiveAxes, positions: dict[int, Array]) -> Array:
-    """The tip in the program's coordinates [mm], shape (n, 3)."""
-    zero = {axis: np.zeros(1) for axis in positions} | {
-        axis: np.array([each]) for axis, each in enumerate(ZERO)
-    }
-    return mill.tip(positions) - (mill.tip(zero)[0] + np.array([0.0, 0.0, LENGTH]))
 
 
 def direction(mill: FiveAxes, positions: dict[int, Array]) -> Array:
     """Where the tool points in the work piece's frame, shape (n, 3), by where a longer one's tip is."""
     longer = dataclasses.replace(mill, length=2.0 * mill.length)
     return (mill.tip(positions) - longer.tip(positions)) / mill.length
-
-
-def at_end(machine: Machine, found: Interpreter) -> dict[int, Array]:
-    return {axis: np.array([value]) for axis, value in place(machine, found).items()}
 
 
 @pytest.mark.parametrize("name", MILLS)
@@ -81,7 +62,7 @@ def test_the_tool_points_along_i_j_k_at_the_end_of_each_move_and_goes_the_least_
         words = "X{} Y{} Z{}".format(*point) + " I{:.5f} J{:.5f} K{:.5f}".format(*vector)
         found.interpret_text(f"{random.choice(['G0', 'G1'])} {words}", number)
         after = at_end(machine, found)
-        np.testing.assert_allclose(tip(mill, after)[0], point, atol=1e-6)
+        np.testing.assert_allclose(tips(mill, after)[0], point, atol=1e-6)
         np.testing.assert_allclose(direction(mill, after)[0], vector / np.linalg.norm(vector), atol=1e-9)
         tilt, turn = float(after[tilting][0]), float(after[turning][0])
         other = {
@@ -129,27 +110,14 @@ def test_the_moves_are_those_of_g43_4_with_the_rotary_axes_written(name: str, tm
         )
         axes.append(f"{code} X{point[0]} Y{point[1]} Z{point[2]} {turns}")
     runs = [
-        simulate(
-            "\n".join([*BEGIN, code, *lines]), machine, kinematics=build_kinematics(machine), record=True
-        )
+        run(machine, "\n".join([*BEGIN, code, *lines]))
         for code, lines in (("G43.5 H1", vectors), ("G43.4 H1", axes))
     ]
-    recorded = []
-    for each in runs:
-        assert each.report["ok"], each.report["diagnostics"]
-        assert each.recording is not None
-        recorded.append(each.recording.setpoint)
-    assert abs(len(recorded[0]) - len(recorded[1])) <= 1
-    least = min(len(each) for each in recorded)
-    np.testing.assert_allclose(recorded[0][:least], recorded[1][:least], atol=2e-4)
-    for at, axis in enumerate(machine.axes):
-        limits = LIMITS["rotary" if axis.index > 2 else "linear"]
-        assert_keeps(recorded[0][:, at], limits, most=(1.0001, 1.001, 1.05))
-
-
-@pytest.fixture(scope="module")
-def trunnion(tmp_path_factory: pytest.TempPathFactory) -> Machine:
-    return TABLE_TABLE.machine(tmp_path_factory.mktemp("mill"))
+    one, other = (np.stack(list(rows(each, machine).values()), axis=1) for each in runs)
+    assert abs(len(one) - len(other)) <= 1
+    least = min(len(one), len(other))
+    np.testing.assert_allclose(one[:least], other[:least], atol=2e-4)
+    assert_within_limits(runs[0], machine)
 
 
 def test_a_direction_left_out_stays_and_a_part_left_out_is_zero(trunnion: Machine) -> None:
@@ -160,13 +128,13 @@ def test_a_direction_left_out_stays_and_a_part_left_out_is_zero(trunnion: Machin
     assert [stays[axis][0] for axis in (3, 5)] == pytest.approx(
         [there[axis][0] for axis in (3, 5)], abs=1e-12
     )
-    np.testing.assert_allclose(tip(TABLE_TABLE, stays)[0], [15.0, 5.0, 20.0], atol=1e-6)
+    np.testing.assert_allclose(tips(TABLE_TABLE, stays)[0], [15.0, 5.0, 20.0], atol=1e-6)
     # the tool alone turns about its tip, by F of rotary axes
     found.interpret_text("J1", 6)
     np.testing.assert_allclose(direction(TABLE_TABLE, at_end(trunnion, found))[0], [0.0, 1.0, 0.0], atol=1e-9)
-    np.testing.assert_allclose(tip(TABLE_TABLE, at_end(trunnion, found))[0], [15.0, 5.0, 20.0], atol=1e-6)
+    np.testing.assert_allclose(tips(TABLE_TABLE, at_end(trunnion, found))[0], [15.0, 5.0, 20.0], atol=1e-6)
     found.interpret_text("G91 X1 Z-2 I0 J0 K1", 7)
-    np.testing.assert_allclose(tip(TABLE_TABLE, at_end(trunnion, found))[0], [16.0, 5.0, 18.0], atol=1e-6)
+    np.testing.assert_allclose(tips(TABLE_TABLE, at_end(trunnion, found))[0], [16.0, 5.0, 18.0], atol=1e-6)
     np.testing.assert_allclose(direction(TABLE_TABLE, at_end(trunnion, found))[0], [0.0, 0.0, 1.0], atol=1e-9)
 
 
@@ -181,20 +149,17 @@ def test_where_the_tool_is_parallel_to_an_axis_that_one_stays(trunnion: Machine)
 
 def test_arcs_have_their_centre_by_r_and_i_j_k_are_the_direction(trunnion: Machine) -> None:
     lines = [*BEGIN, "G43.5 H1", "G0 X20 Y0 Z10 I0 J0 K1", "G17 G3 X-20 Y0 R20 I0.2 J-0.3 K1"]
-    found = simulate("\n".join(lines), trunnion, kinematics=build_kinematics(trunnion), record=True)
-    assert found.report["ok"], found.report["diagnostics"]
+    found = run(trunnion, "\n".join(lines))
     assert found.recording is not None
-    rows = {axis.index: found.recording.setpoint[:, at] for at, axis in enumerate(trunnion.axes)}
-    last = found.recording.line == 5
-    points = tip(TABLE_TABLE, {axis: each[last] for axis, each in rows.items()})
+    setpoints, last = rows(found, trunnion), found.recording.line == 5
+    points = tips(TABLE_TABLE, {axis: each[last] for axis, each in setpoints.items()})
     assert np.abs(np.hypot(points[:, 0], points[:, 1]) - 20.0).max() <= 0.01
-    pointing = direction(TABLE_TABLE, {axis: each[-1:] for axis, each in rows.items()})[0]
+    pointing = direction(TABLE_TABLE, {axis: each[-1:] for axis, each in setpoints.items()})[0]
     np.testing.assert_allclose(pointing, np.array([0.2, -0.3, 1.0]) / np.sqrt(1.13), atol=1e-9)
 
 
 def test_an_axis_that_rolls_over_counts_on_over_whole_turns(tmp_path: Path) -> None:
-    TABLE_TABLE.machine(tmp_path)
-    machine = with_rollover(tmp_path)
+    machine = TABLE_TABLE.machine(tmp_path, turntable='rollover = "shortest"\n')
     found = reader(machine, *BEGIN, "G43.5 H1", "G0 X0 Y0 Z20 I0.5 J0 K1")
     start = place(machine, found)[5]
     turns = []
@@ -205,21 +170,6 @@ def test_an_axis_that_rolls_over_counts_on_over_whole_turns(tmp_path: Path) -> N
         turns.append(place(machine, found)[5] - start)
     # against the part, the table turns the other way
     np.testing.assert_allclose(np.abs(turns), 40.0 * np.arange(1, 31), atol=1e-5)
-
-
-def with_rollover(folder: Path) -> Machine:
-    order = [each.axis for each in (*TABLE_TABLE.table[::-1], *TABLE_TABLE.head)]
-    text = (
-        '[machine]\nname = "mill"\n[dialect]\nprofile = "cnc"\n[kinematics]\nurdf = "mill.urdf"\n'
-        f'[[tool]]\nnumber = 1\nframe = "nose"\nwork = "table"\naxes = {order}\n'
-        f"[[cutter]]\nnumber = 1\nlength_mm = {LENGTH}\n"
-    )
-    for index in sorted(order):
-        kind = "rotary" if index > 2 else "linear"
-        rollover = 'rollover = "shortest"\n' if index == 5 else ""
-        text += f'[[axis]]\nindex = {index}\ntype = "{kind}"\n{rollover}'
-        text += "max_velocity = 100.0\nmax_acceleration = 1000.0\n"
-    return parse_machine(text, folder=folder)
 
 
 def refused(machine: Machine, *lines: str) -> list[tuple[str, int | None, str]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ from mcserver.machine.machine_file import Machine
 from mcserver.motion.kernels.rate_changes import NEAR_U
 from mcserver.motion.kernels.rate_window import Window
 from mcserver.motion.kernels.row_interpolation import interpolate_rows, interpolation_bounds
+
+if TYPE_CHECKING:
+    from mcserver.executor.envelope import EnvelopeGuard
 
 # Rows that stay in the ring after they have been played: limits of setpoints near them depend on them.
 KEPT_ROWS = 8
@@ -30,12 +33,6 @@ class Jump:
     column: int
     distance: float
     allowed: float
-
-
-class RowGuard(Protocol):
-    """Admits rows: `mcserver.executor.envelope.EnvelopeGuard`."""
-
-    def admit(self, first: int, written: int) -> int: ...
 
 
 class Playback:
@@ -64,7 +61,7 @@ class Playback:
         self._scale_cells = scalar_view(ring.feed_scale)
         self._scratch = np.zeros(count)
         # None: all rows are admitted
-        self.guard: RowGuard | None = None
+        self.guard: EnvelopeGuard | None = None
         self.bounds = interpolation_bounds(
             np.array([axis.max_acceleration for axis in machine.axes]),
             np.array([axis.max_jerk for axis in machine.axes]),
@@ -176,10 +173,7 @@ class Playback:
                 at = number % ring.rows
                 resting = bools & self._masks.bools(self._mask_cells[at]) & (ring.velocity[at] == 0.0)
                 np.copyto(self._row.ordered, ring.position[at], where=resting)
-        self._row.ordered_velocity[bools] = 0.0
-        self.active &= ~mask
-        self._fresh &= ~mask
-        self._unchecked &= ~mask
+        self.leave(mask)
         if not self.active:
             # rows up to here are not the first row of a later motion, even of one that begins at this u
             self.first = self.following
@@ -278,10 +272,10 @@ class Playback:
         """Skip to u after a block that has played the rows before; ``setpoints``: its own, shape (n, K)."""
         self.seek(u)
         self.line = self._line_cells[(self.following - 1) % self._ring.rows]
-        self.note_all(setpoints)
+        self.note(setpoints)
 
-    def note_all(self, setpoints: Array) -> None:
-        """Record the setpoints of several cycles, shape (n, K)."""
+    def note(self, setpoints: Array) -> None:
+        """Record the setpoints of cycles, once they are set, shape (n, K)."""
         for setpoint in setpoints[-4:]:
             self._recent[self._cycles & 3] = setpoint
             self._cycles += 1
@@ -298,11 +292,6 @@ class Playback:
                 self._play_row(at, rate)
                 return
         self._interpolate(u, rate)
-
-    def note(self) -> None:
-        """Record this cycle's setpoints, once they are set."""
-        self._recent[self._cycles & 3] = self._row.ordered
-        self._cycles += 1
 
     def _recent_setpoints(self) -> Array:
         """Return the setpoints of the last three cycles, the newest last, shape (3, K)."""
@@ -403,11 +392,8 @@ class Playback:
             self._lead_in(column, at, after_u, u, rate)
 
     def _started_by(self, u: int) -> int:
-        mask = 0
-        for column in self._masks.columns(self._fresh):
-            if self._start_u[column] <= u + NEAR_U:
-                mask |= 1 << column
-        return mask
+        columns = self._masks.columns(self._fresh)
+        return sum(1 << column for column in columns if self._start_u[column] <= u + NEAR_U)
 
     def _lead_in(self, column: int, at: int, after_u: int, u: float, rate: float) -> None:
         """Interpolate from rest at an axis's start position to its first row."""

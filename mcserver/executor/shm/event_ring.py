@@ -1,7 +1,7 @@
 """The ring of events from the executor to the planner: line starts and ends, faults, positions.
 
 Single writer, single reader, as `mcserver.executor.shm.rings`. When it is full the executor does not wait:
-the event is counted as lost, and the reader sees the count.
+the event is lost, and counted.
 """
 
 from __future__ import annotations

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,9 +24,9 @@ CYCLES = 2048
 GUARD = 8
 
 _HEADER_WORDS = 8
-TIME, CYCLE, LATE, LOST_EVENTS, LINE, ESTOP, INTERLOCK, _HOMED, _SILENT = (*range(8), 9)
+TIME, CYCLE, LATE, LINE, ESTOP, INTERLOCK, _HOMED, _SILENT = (*range(7), 8)
 _HALF = (1 << 32) - 1
-_HEAD = 11
+_HEAD = 10
 SLOT_U, SLOT_RATE, SLOT_STATE, SLOT_GENERATION = range(4)
 _SLOT = 4
 
@@ -87,12 +88,20 @@ class SlotFeedback:
     generation: int
 
 
+class SlotView(msgspec.Struct, frozen=True):
+    """One slot in the newest cycle: u [cycles], playback rate and override of its program [1]."""
+
+    u: float
+    rate: float
+    override: float = 1.0
+
+
 @dataclass(frozen=True)
 class FeedbackState:
     """The machine in one cycle; arrays of shape (K,), SI.
 
     Attributes:
-        time: [s]. cycle: its number. late_cycles, lost_events: counts since the start.
+        time: [s]. cycle: its number. late_cycles: count since the start.
         line: line that set this cycle's row, 0 where none runs. estop: the emergency stop is latched.
         homed: mask of the homed columns.
         setpoint, velocity: commanded. actual, actual_velocity, torque: from the drives.
@@ -105,7 +114,6 @@ class FeedbackState:
     time: float
     cycle: int
     late_cycles: int
-    lost_events: int
     line: int
     estop: bool
     setpoint: Array
@@ -329,17 +337,15 @@ class FeedbackRing:
             row[_HEAD + block * self._axes : _HEAD + (block + 1) * self._axes].copy()
             for block in range(_BLOCKS)
         ]
-        slots_at = _HEAD + _BLOCKS * self._axes
-        slots = []
-        for slot in range(SLOTS):
-            u, rate, state, generation = row[slots_at + slot * _SLOT : slots_at + (slot + 1) * _SLOT].tolist()
-            slots.append(SlotFeedback(u, rate, SlotState(int(state)), int(generation)))
+        slots = [
+            SlotFeedback(u, rate, SlotState(int(state)), int(generation))
+            for u, rate, state, generation in self.slots_of(row[None])[0].tolist()
+        ]
         inputs, outputs, owners = _io_blocks(row, self._axes, self._inputs, self._outputs)
         return FeedbackState(
             time=float(row[TIME]),
             cycle=int(row[CYCLE]),
             late_cycles=int(row[LATE]),
-            lost_events=int(row[LOST_EVENTS]),
             line=int(row[LINE]),
             estop=bool(row[ESTOP]),
             setpoint=blocks[0],

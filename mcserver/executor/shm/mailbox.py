@@ -19,7 +19,7 @@ from mcserver.executor.envelope_bounds import Envelope, decode_envelope
 SLOTS = 8
 
 _CHANGES, _OVERRIDE, _HOLD, _STOP, _ESTOP, _RESET, _RESET_MASK, _SERVER_BEAT, _EXECUTOR_BEAT = range(9)
-_EXECUTOR_STATE, _QUIT, _EPOCH, _RESET_ESTOP, _IO_ORDERS, _RESUME = 9, 10, 11, 12, 13, 14
+_QUIT, _EPOCH, _RESET_ESTOP, _IO_ORDERS, _RESUME = 9, 10, 11, 12, 13
 _HEAD = 16
 _S_OVERRIDE, _S_HOLD, _S_ABORT, _S_RESUME, _S_GENERATION, _S_AXES, _S_ROWS, _S_CONTROLS = range(8)
 _S_UNHOMED, _S_ENVELOPE, _S_CONFIRM = 8, 9, 10
@@ -257,11 +257,6 @@ class CommandMailbox:
         return self._words[_EXECUTOR_BEAT]
 
     @property
-    def executor_state(self) -> int:
-        """A word that the executor's process sets (see `mcserver.executor.client`)."""
-        return self._words[_EXECUTOR_STATE]
-
-    @property
     def epoch(self) -> float:
         """Unix time of executor time 0 [s]; 0 before the executor runs."""
         return self._numbers[_EPOCH]
@@ -307,9 +302,6 @@ class CommandMailbox:
 
     def beat_executor(self) -> None:
         self._words[_EXECUTOR_BEAT] += 1
-
-    def set_executor_state(self, state: int) -> None:
-        self._words[_EXECUTOR_STATE] = state
 
     def set_epoch(self, unix_time: float) -> None:
         self._numbers[_EPOCH] = unix_time

@@ -33,8 +33,6 @@ _CONTROL = struct.Struct("<qqdqQdqqqdq")
 # indices of its words
 _WITH, _KIND, _U, _LINE = range(4)
 _WORDS = _CONTROL.size // 8
-# Up to so many edges are put faster one by one than in columns.
-FEW_EDGES = 4
 # tolerance for rounding of u, which must not decrease between entries
 _ROUNDING = 1e-6
 # By number: used twice a line, where calling the enumeration takes longer than all the rest.
@@ -66,8 +64,8 @@ class ProgramRing:
         stops: computes the durations of stops from rows, for the writer; None: all 0.
 
     Attributes:
-        entry_rows, entry_kind, entry_u, entry_line: shape (controls,); entry number n is at n % controls.
-            ``entry_rows``: number of the row after those that belong to it. For the reader.
+        entry_kind, entry_u, entry_line: shape (controls,); entry number n is at n % controls. For the
+            reader.
         row_u, row_mask, row_line: shape (rows,); position, velocity: (rows, K); stop: (rows,), duration of a
             stop from there [cycles]; feed_scale: (rows,); torque: (rows, 3, J), see `row_torques`, 0 where
             unknown. Row number n of the program is at n % rows. For the reader.
@@ -106,7 +104,7 @@ class ProgramRing:
         self._controls_at = self._offset
         words = np.frombuffer(self._buffer, np.int64, controls * _WORDS, self._offset)
         self._entry_words: NDArray[np.int64] = words.reshape(controls, _WORDS)
-        self.entry_rows, self.entry_kind, _, self.entry_line = self._entry_words.T[: _LINE + 1]
+        _, self.entry_kind, _, self.entry_line = self._entry_words.T[: _LINE + 1]
         self.entry_u: Array = self._entry_words.view(np.float64)[:, _U]
         cells = self._buffer[self._offset : self._offset + controls * _CONTROL.size]
         self._control_words, self._control_numbers = cells.cast("q"), cells.cast("d")
@@ -247,11 +245,6 @@ class ProgramRing:
         if back.any():
             at = int(np.argmax(back))
             raise ValueError(f"a control entry at u = {u[at]} comes after one at {latest[at]}")
-        if count <= FEW_EDGES:
-            for each, line, ends in zip(u.tolist(), edges.line.tolist(), edges.ends.tolist(), strict=True):
-                kind = ControlKind.LINE_END if ends else ControlKind.LINE_START
-                self.put_control(Control(kind, each, line), rows)
-            return
         self._last_control_u = float(latest[-1])
         written = self._counters[_CONTROLS_WRITTEN]
         words = np.zeros((count, _WORDS), np.int64)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ctypes
 import mmap
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mcserver.executor.shm.event_ring import EventRing, event_ring_size
@@ -18,6 +19,8 @@ from mcserver.executor.shm.rings import CONTROLS, ROWS, ProgramRing, program_rin
 from mcserver.executor.stopping import StopTimes, torque_axes
 from mcserver.machine.machine_file import Machine
 
+# mailbox, feedback, events, and a ring for each slot
+PARTS = 3 + SLOTS
 _ALIGNMENT = 4096
 # of memfd_create(2)
 _MFD_CLOEXEC = 1
@@ -73,13 +76,17 @@ def map_block(descriptor: int, machine: Machine) -> SharedParts:
     """Map a block; it stays mapped while any of its parts exists, even after the descriptor is closed."""
     sizes = _sizes(machine)
     whole = memoryview(mmap.mmap(descriptor, sum(sizes)))
-    axes = len(machine.axes)
     offset = 0
     parts: list[memoryview] = []
     for size in sizes:
         parts.append(whole[offset : offset + size])
         offset += size
-    stops = StopTimes(machine)
+    return parts_over(parts, machine)
+
+
+def parts_over(parts: Sequence[memoryview | None], machine: Machine) -> SharedParts:
+    """Return the parts over pieces of a block; None: each in memory of this process."""
+    axes, stops = len(machine.axes), StopTimes(machine)
     inputs, outputs = len(machine.inputs), len(machine.outputs)
     return SharedParts(
         CommandMailbox(parts[0], inputs=inputs, outputs=outputs),
