@@ -77,7 +77,8 @@ class FleetPage:
         with ui.element("div").classes("w-full p-2"):
             ui.html(f"<h1 class='sr-only'>{t('Machines')}</h1>", sanitize=False)
             with ui.row().classes("items-center w-full"):
-                search = ui.input(t("Search"), value=chosen.search).props("dense clearable").classes("grow")
+                search = ui.input(t("Search"), value=chosen.search).props("dense clearable data-address")
+                search.classes("grow")
                 search.on("update:value", js_handler='(value) => mcLookFor("search", value)')
                 self._group = Choice(_groups({chosen.group}), value=chosen.group, label=t("Group"))
                 self._group.classes("min-w-32").on(
@@ -100,7 +101,7 @@ class FleetPage:
                 button.set_enabled(visitor.may("open"))
                 # apart from the others, and without a question
                 button = ui.button(t("E-STOP selected")).classes("ml-6")
-                button.props(f'color=negative aria-label="{t("Emergency stop of the selected")}"')
+                button.props(f'color=negative data-stop aria-label="{t("Emergency stop of the selected")}"')
                 button.on("click", self._stop_selected, js_handler=SELECTED)
             self._grid = ui.aggrid(grid_options(_column_filters(chosen), chosen.search))
             self._grid.classes("w-full mt-2 mc-fleet")

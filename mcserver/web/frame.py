@@ -46,6 +46,8 @@ BROWSER_TEXTS = (
     mark("This browser draws no 3-D pictures (WebGL)."),
     mark("It is not certain that this was done: {what}"),
     mark("close"),
+    mark("Connecting …"),
+    mark("No connection: what you write stays and is sent later; only stops can be pressed"),
 )
 STYLE_TEXTS = (mark(" – old: nothing comes"), mark(" (no link)"))
 
@@ -85,6 +87,7 @@ def add_head() -> None:
     """Give a page its language, colours, styles and scripts; before all else."""
     client = ui.context.client
     resume_after_cuts(client)
+    client.on_connect(lambda: ui.run_javascript("mcLinked()"))
     # the page of a route is shared by all who look at it; NiceGUI takes the language of its own texts from it
     client.page = copy.copy(client.page)
     client.page.language = cast("Language", language_of(client.request))

@@ -159,12 +159,12 @@ class MachinePage:
         do = self._actions.do
         with ui.card().classes("mc-card"):
             with ui.element("div").classes("mc-buttons"):
-                ui.button(t("Hold"), on_click=self._actions.hold).props("color=warning")
+                ui.button(t("Hold"), on_click=self._actions.hold).props("color=warning data-stop")
                 ui.button(
                     t("Resume"),
                     on_click=lambda: do("resume", mark("resume"), lambda machine: machine.resume()),
                 ).props("color=positive")
-                ui.button(t("Abort"), on_click=self._actions.abort).props("color=negative outline")
+                ui.button(t("Abort"), on_click=self._actions.abort).props("color=negative outline data-stop")
                 ui.button(t("Energize"), on_click=self._energize).props("outline")
             self._control = ControlPanel(self._actions)
             self._override_label = ui.label("").classes("font-bold mt-2")

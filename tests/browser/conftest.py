@@ -128,6 +128,7 @@ def opened(
     url = f"{site.url}machine/{name}"
     if page.url != url or page.locator(".q-dialog").count():
         page.goto(url)
+    playwright.expect(page.locator("body.mc-unlinked")).to_have_count(0)
     playwright.expect(page.get_by_role("status")).to_have_text(state)
     playwright.expect(page.locator("[data-jog]").first).to_be_visible()
     return page

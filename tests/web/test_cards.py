@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any, cast, get_args
 
 import pytest
 from mcclient import Event, Fault, Info, Machine, MachineStatus
@@ -29,6 +29,7 @@ from mcclient.types import (
 from mcserver.machine.dialect_section import Dialect
 from mcserver.machine.machine_file import load_machine
 from mcserver.net.status import axis_info
+from mcserver.service.reports import BedMeshState
 from mcserver.web.control import Control
 from mcserver.web.jobs import path_from_line
 from mcserver.web.link import MachineLink, joints_of
@@ -38,7 +39,15 @@ from mcserver.web.panels.homing import phase_of
 from mcserver.web.panels.messages import black_box_of, event_row
 from mcserver.web.panels.people import people_html
 from mcserver.web.panels.picture import tips_of
-from mcserver.web.panels.positions import WHY, joint_html, offsets_html, positions_html, system_name
+from mcserver.web.panels.positions import (
+    MESHES,
+    WHY,
+    joint_html,
+    mesh_text,
+    offsets_html,
+    positions_html,
+    system_name,
+)
 from mcserver.web.signals import signals_of, value_of
 from tests.wire_values import wire_value
 
@@ -147,6 +156,12 @@ def test_each_work_offset_that_was_set_is_listed() -> None:
         )
         == ""
     )
+
+
+def test_the_mesh_of_the_bed_that_counts_is_said_where_programs_probe_one() -> None:
+    assert mesh_text(STATUS) == ""
+    assert set(MESHES) == set(get_args(BedMeshState))
+    assert "G29" in mesh_text(dataclasses.replace(STATUS, bed_mesh="probed"))
 
 
 @pytest.mark.parametrize(

@@ -23,6 +23,13 @@ from mcserver.web.translation import mark, t
 LETTERED = 6
 NO_JOINTS: Mapping[int, str] = MappingProxyType({})
 WHY = mark("zero is set where the axes stand")
+MESHES: Mapping[str, str] = MappingProxyType(
+    {
+        "off": mark("Bed mesh: none counts"),
+        "file": mark("Bed mesh: that of the machine file counts"),
+        "probed": mark("Bed mesh: the one that G29 has probed counts"),
+    }
+)
 
 
 class PositionsPanel:
@@ -38,6 +45,7 @@ class PositionsPanel:
             self._table = ui.html("", sanitize=False).classes("w-full overflow-x-auto")
             self._table.props(f'tabindex=0 role=region aria-label="{t("Positions")}"')
             self._offsets = ui.html("", sanitize=False).classes("w-full text-sm mc-offsets")
+            self._mesh = ui.label("").classes("text-sm")
             self._zero = ui.element("div").classes("mc-buttons")
             self._waits_for = ui.label("").classes("text-sm").props("aria-live=polite")
 
@@ -56,6 +64,8 @@ class PositionsPanel:
             self._shown = content
             self._table.set_content(content)
         status = link.status
+        if status is not None:
+            self._mesh.set_text(mesh_text(status))
         if status is not None and shown:
             offsets = offsets_html(status, info)
             if offsets != self._offsets.content:
@@ -128,6 +138,11 @@ class PositionsPanel:
 def system_name(system: int) -> str:
     """Return ``G54`` to ``G59.3`` for 1 to 9."""
     return WORK_SYSTEMS[system - 1]
+
+
+def mesh_text(status: MachineStatus) -> str:
+    """Return which mesh of the bed counts; empty: programs probe none on this machine."""
+    return "" if status.bed_mesh is None else t(MESHES[status.bed_mesh])
 
 
 def offsets_html(status: MachineStatus, info: Info) -> str:

@@ -93,11 +93,6 @@
   let alive = null, sign = 0, tellTime = null;
   window.mcAlive = (number) => {
     sign = number;
-    if (alive === null) {
-      sendSurely();
-      bringBack();
-      bar.observe(document.querySelector(".q-header"));
-    }
     alive = performance.now();
     tellTime();
     document.body.classList.remove("mc-silent");
@@ -106,17 +101,66 @@
     if (alive !== null && performance.now() - alive > SILENT_MS) document.body.classList.add("mc-silent");
   }, 500);
 
+  // A page without a link takes nothing that it could not send. Until it has its first one nothing in it can be reached
+  // but the emergency stop. Where it has lost it, nothing that acts but what stops: a text goes on being written, which
+  // is sent when the link is back.
+  const ALL = "main, .q-header :is(a, button:not([data-estop]))";
+  const ACTING = "button:not([data-estop], [data-stop]), .q-select, .q-toggle, .q-checkbox, .q-slider, .q-uploader";
+  const unreached = new Set();
+  let hasBeenLinked = false, focused = null;
+  const says = document.createElement("div");
+  says.className = "mc-link";
+  says.setAttribute("aria-live", "polite");
+  document.body.prepend(says);
+  const putOutOfReach = () => {
+    for (const each of document.querySelectorAll(hasBeenLinked ? ACTING : ALL)) {
+      if (!each.inert) { each.inert = true; unreached.add(each); }
+    }
+  };
+  const whileUnlinked = new MutationObserver(putOutOfReach);
+  const unlink = () => {
+    focused = document.activeElement;
+    document.body.classList.add("mc-unlinked");
+    says.textContent = hasBeenLinked
+      ? window.mcTexts["No connection: what you write stays and is sent later; only stops can be pressed"]
+      : window.mcTexts["Connecting …"];
+    whileUnlinked.observe(document.body, { childList: true, subtree: true });
+    putOutOfReach();
+  };
+  // the page's process has taken this browser on, or again
+  window.mcLinked = () => {
+    if (!hasBeenLinked) {
+      hasBeenLinked = true;
+      sendSurely();
+      bringBack();
+      const header = document.querySelector(".q-header");
+      if (header) bar.observe(header);
+    }
+    whileUnlinked.disconnect();
+    for (const each of unreached) each.inert = false;
+    unreached.clear();
+    document.body.classList.remove("mc-unlinked");
+    says.textContent = "";
+    if (document.activeElement === document.body) focused?.focus();
+  };
+  unlink();
+
   // What is done at the page while its link is cut, or has been sent when it is, goes out again when the link is back:
   // in its order, until it is confirmed. The page's process takes it once (resuming.py), and refuses what is too late.
   const UNCERTAIN = "mc-uncertain";
-  // what somebody does at this moment, in the words of the page: a button's, or those of a line
-  let doing = "";
-  const begin = (what) => { doing = what; setTimeout(() => { doing = ""; }, 100); };
+  // what somebody does at this moment, in the words of the page: with what, and a line or a text
+  let doing = null;
+  const begin = (element, text = "") => { doing = { name: nameOf(element), text }; setTimeout(() => { doing = null; }, 100); };
   const nameOf = (element) => element.getAttribute("aria-label") || element.innerText;
-  document.addEventListener("click", ({ target }) => { if (target.closest?.("button")) begin(nameOf(target.closest("button"))); }, true);
-  document.addEventListener("keydown", ({ key, target }) => {
-    if (key === "Enter" && target.matches?.("input")) begin(`${nameOf(target)} ${target.value}`);
+  document.addEventListener("click", ({ target }) => { if (target.closest?.("button")) begin(target.closest("button")); }, true);
+  document.addEventListener("keydown", (event) => {
+    const { key, target } = event;
+    if (key !== "Enter" || !target.matches?.("input")) return;
+    if (document.body.classList.contains("mc-unlinked")) { event.preventDefault(); event.stopImmediatePropagation(); }
+    else begin(target, target.value);
   }, true);
+  // the tab keeps the others, and the address
+  document.addEventListener("input", ({ target }) => { if (!target.matches("[data-kept], [data-address]")) begin(target, target.value); }, true);
   const sendSurely = () => {
     const { socket } = window, emit = socket.emit.bind(socket), unconfirmed = new Map();
     const now_s = () => performance.now() / 1000;
@@ -139,13 +183,15 @@
       Quasar.Notify.create({ message, closeBtn, type: "warning", position: "bottom", timeout: 0 });
     }
     window.addEventListener("pagehide", () => {
-      const names = new Set([...unconfirmed.values()].map((each) => each.doing).filter(Boolean));
-      if (names.size) sessionStorage.setItem(UNCERTAIN, [...names].join(", "));
+      // of a text what it was at the end
+      const names = new Map([...unconfirmed.values()].filter(({ doing }) => doing).map(({ doing }) => [doing.name, doing.text]));
+      if (names.size) sessionStorage.setItem(UNCERTAIN, [...names].map((each) => each.join(" ").trim()).join(", "));
     });
     // so that the page's process can tell what was held up on the way, and how far this browser has come in what it was
     // sent (page_timer.py)
     tellTime = () => { if (socket.connected) emit("clock", { client_id: window.clientId, sent_s: now_s(), sign }); };
     socket.on("connect", () => { tellTime(); unconfirmed.forEach(send); });
+    socket.on("disconnect", unlink);
   };
 
   // What is looked for in the fleet's table is found here, whatever becomes of the link. It stays in the address, from
@@ -168,7 +214,7 @@
   const keptAs = (field) => `${location.pathname} ${field.dataset.kept}`;
   window.addEventListener("pagehide", () => {
     // one that never had a link has not brought it back yet
-    if (alive === null) return;
+    if (!hasBeenLinked) return;
     for (const field of document.querySelectorAll("[data-kept]")) sessionStorage.setItem(keptAs(field), field.value);
   });
   const bringBack = () => {
