@@ -43,6 +43,13 @@ class NamedDialog(ui.dialog):
         return self._answer
 
 
+def answers(dialog: NamedDialog, verb: str, colour: str = "primary") -> None:
+    """Add the two buttons below what is asked: True is submitted, or False."""
+    with ui.element("div").classes("mc-buttons"):
+        ui.button(verb, on_click=lambda: dialog.submit(True)).props(f"color={colour}")
+        ui.button(t("Cancel"), on_click=lambda: dialog.submit(False)).props("flat")
+
+
 async def answer_to(dialog: NamedDialog, act: Callable[[Any], Awaitable[bool]]) -> Any:
     """Open a dialog, and wait for what is submitted: None where it was closed, or its page. It is gone then.
 

@@ -14,7 +14,7 @@ from mcserver.web.control import Driver
 from mcserver.web.formatting import current_program
 from mcserver.web.link import MachineLink
 from mcserver.web.machine_frame import Presence, StateLabel, header, obey_keys
-from mcserver.web.open_programs import refuse_open
+from mcserver.web.open_programs import run_at_rest
 from mcserver.web.panels.arming import ArmingPanel
 from mcserver.web.panels.buttons import ButtonsPanel
 from mcserver.web.panels.camera import CameraPanel
@@ -190,9 +190,7 @@ class MachinePage:
 
     async def _energize(self) -> None:
         async def capture(machine: Machine) -> None:
-            refuse_open(self._link, await machine.programs(ended=False), WHY)
-            async with machine.program(ENERGIZE, at_pause=True) as program:
-                await program.send("G1010")
+            await run_at_rest(self._link, machine, ENERGIZE, "G1010", WHY)
 
         await self._actions.do("open", mark("energize"), capture)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from mcclient import MotionError, ProgramStatus
+from mcclient import Machine, MotionError, ProgramStatus
 from mcclient.broken_off import is_by_hand
 
 from mcserver.web.formatting import is_live
@@ -22,6 +22,22 @@ def who(link: MachineLink, program: ProgramStatus) -> str:
         return program.client
     _, said, person = program.name.rpartition(" by ")
     return person if said and is_by_hand(program.name) else t("this page")
+
+
+async def run_at_rest(link: MachineLink, machine: Machine, name: str, line: str, why: str) -> None:
+    """Run a line as a program of its own, now: it would wait for the axes, and act where they are by then.
+
+    Raises:
+        MotionError: MC512 as `refusal_of`; what the server says of the line.
+    """
+    refuse_open(link, await machine.programs(ended=False), why)
+    async with machine.program(name, at_pause=True) as program:
+        await program.send(line)
+
+
+def refusal_text(refusal: MotionError | None) -> str:
+    """Return what stands beside buttons that do nothing now; empty: they do."""
+    return "" if refusal is None else f"{refusal.message} [{refusal.code}]: {refusal.hint}"
 
 
 def refuse_open(link: MachineLink, programs: Sequence[ProgramStatus], why: str) -> None:

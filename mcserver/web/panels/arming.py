@@ -13,6 +13,7 @@ from nicegui import ui
 from mcserver.gcode.text.source import split_lines
 from mcserver.web.actions import Actions
 from mcserver.web.formatting import axis_name, clock_text, diagnostics_html, position_text
+from mcserver.web.panels.card import card
 from mcserver.web.panels.kept_rows import KeptRows
 from mcserver.web.run_requests import RunToArm
 from mcserver.web.translation import mark, t
@@ -31,9 +32,7 @@ class ArmingPanel:
         self._actions = actions
         self._shown: dict[tuple[str, int], RunToArm] = {}
         self._buttons: dict[tuple[str, int], tuple[ui.button, ui.button]] = {}
-        self._card = ui.card().classes("mc-card")
-        with self._card:
-            ui.html(f"<h2>{t('Runs to arm')}</h2>", sanitize=False)
+        with card(t("Runs to arm")) as self._card:
             self._list = KeptRows(self._one)
             self._list.element.props(f'role=region aria-label="{t("Runs to arm")}"')
             self._standing = KeptRows(self._approval)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from functools import partial
 
 from mcclient import Info, MotionError
@@ -13,6 +12,7 @@ from mcserver.machine.button_section import filled
 from mcserver.net.roles import CONFIGURERS, MOVERS, roles_named
 from mcserver.web.actions import Actions, show_error, show_refusal
 from mcserver.web.dialogs import NamedDialog, answer_to
+from mcserver.web.panels.card import card
 from mcserver.web.translation import t
 
 
@@ -34,12 +34,10 @@ class ButtonsPanel:
         groups = dict.fromkeys(each.group for each in info.buttons)
         with self._cards:
             for group in groups:
-                with ui.card().classes("mc-card"):
-                    ui.html(f"<h2>{html.escape(t(group) if group else t('Buttons'))}</h2>", sanitize=False)
-                    with ui.element("div").classes("mc-buttons"):
-                        for each in info.buttons:
-                            if each.group == group:
-                                self._button(each)
+                with card(t(group) if group else t("Buttons")), ui.element("div").classes("mc-buttons"):
+                    for each in info.buttons:
+                        if each.group == group:
+                            self._button(each)
 
     def _button(self, each: ButtonInfo) -> None:
         ui.button(f"{t(each.name)} …", on_click=partial(self._ask, each)).props("outline no-caps")

@@ -9,6 +9,7 @@ from nicegui import ui
 
 from mcserver.web.actions import Actions
 from mcserver.web.formatting import channel_text
+from mcserver.web.panels.card import card
 from mcserver.web.translation import mark, t
 
 
@@ -21,9 +22,7 @@ class ChannelsPanel:
         self._values: list[ui.label] = []
         self._states: list[ui.label] = []
         self._levels: dict[str, float] = {}
-        self._card = ui.card().classes("mc-card")
-        with self._card:
-            ui.html(f"<h2>{t('Inputs and outputs')}</h2>", sanitize=False)
+        with card(t("Inputs and outputs")) as self._card:
             self._rows = ui.element("div").classes(
                 "w-full grid grid-cols-[1fr_auto_auto] gap-x-3 gap-y-1 items-center"
             )

@@ -8,6 +8,7 @@ from mcclient import Info, MachineStatus
 from nicegui import ui
 
 from mcserver.web.link import HISTORY_S, MachineLink
+from mcserver.web.panels.card import card
 from mcserver.web.signals import signals_of, value_of
 from mcserver.web.translation import t
 
@@ -24,8 +25,7 @@ class ChartPanel:
         self._known: dict[str, tuple[str, str]] = {}
         self._shown: tuple[object, ...] = ()
         self._sent_until: tuple[str, float] = ("", 0.0)
-        with ui.card().classes("mc-card"):
-            ui.html(f"<h2>{t('Signals')}</h2>", sanitize=False)
+        with card(t("Signals")):
             with ui.row().classes("w-full items-center"):
                 self._choice = (
                     ui.select({}, value=[], multiple=True, with_input=True, label=t("Signals"))

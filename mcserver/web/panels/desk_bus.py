@@ -10,6 +10,7 @@ from mcclient.types import BusHealth, NodeHealth
 from nicegui import ui
 
 from mcserver.web.actions import Actions, show_error
+from mcserver.web.panels.card import card, scrolled
 from mcserver.web.translation import t
 
 SECONDS = 5.0
@@ -20,15 +21,11 @@ class BusPanel:
 
     def __init__(self, actions: Actions) -> None:
         self._actions = actions
-        with ui.card().classes("mc-card"):
-            ui.html(f"<h2>{t('Health of the buses')}</h2>", sanitize=False)
+        with card(t("Health of the buses")):
             self._button = ui.button(
                 t("Listen for {seconds:g} s", seconds=SECONDS), on_click=self._listen
             ).props("outline")
-            self._report = ui.html("", sanitize=False).classes("w-full overflow-x-auto")
-            self._report.props(
-                f'tabindex=0 role=region aria-label="{t("Health of the buses")}" aria-live=polite'
-            )
+            self._report = scrolled(t("Health of the buses")).props("aria-live=polite")
 
     async def _listen(self) -> None:
         if not self._actions.has_role("drives_health"):

@@ -26,6 +26,7 @@ from mcserver.web.choice import Choice
 from mcserver.web.desk import parameters_from
 from mcserver.web.dialogs import ask
 from mcserver.web.formatting import axis_name
+from mcserver.web.panels.card import card, scrolled
 from mcserver.web.panels.desk_bus import table_html
 from mcserver.web.panels.desk_drive import DeskDrive
 from mcserver.web.translation import mark, t
@@ -41,8 +42,7 @@ class FilesPanel:
         self._drive = drive
         self._file: ParameterFile | None = None
         self._name = ""
-        with ui.card().classes("mc-card"):
-            ui.html(f"<h2>{t('Backup and restore')}</h2>", sanitize=False)
+        with card(t("Backup and restore")):
             ui.button(t("Download a backup"), on_click=self._backup).props("outline")
             self._uploader = ui.upload(
                 label=t("Parameter file"),
@@ -63,8 +63,7 @@ class FilesPanel:
             with ui.row().classes("w-full items-center gap-2"):
                 self._other = Choice({}, label=t("Other drive")).props("dense").classes("grow min-w-24")
                 ui.button(t("Compare"), on_click=self._compare_other).props("outline")
-            self._report = ui.html("", sanitize=False).classes("w-full overflow-x-auto")
-            self._report.props(f'tabindex=0 role=region aria-label="{t("What differs")}" aria-live=polite')
+            self._report = scrolled(t("What differs")).props("aria-live=polite")
         self._show_file(None, "")
         drive.on_change(self._on_drive)
 

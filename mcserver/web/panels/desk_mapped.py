@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import json
-
 import numpy as np
 from mcclient import MotionError
 from mcclient.types import DriveTrace
@@ -13,11 +10,11 @@ from nicegui import ui
 from mcserver.canopen.scope import ScopeTrace
 from mcserver.errors import McError
 from mcserver.web.actions import Actions, show_error
+from mcserver.web.panels.card import card
 from mcserver.web.panels.desk_drive import DeskDrive
-from mcserver.web.sample_scope import drawn_rows
+from mcserver.web.panels.traces import download_trace, draw_trace, span_choice
 from mcserver.web.translation import t
 
-SPANS_S = (0.5, 1.0, 2.0, 5.0, 10.0)
 TIMEOUT_S = 30.0
 
 
@@ -29,19 +26,14 @@ class MappedPanel:
         self._drive = drive
         self._trace: ScopeTrace | None = None
         self._trigger_unix = 0.0
-        with ui.card().classes("mc-card"):
-            ui.html(f"<h2>{t('Mapped objects')}</h2>", sanitize=False)
+        with card(t("Mapped objects")):
             with ui.row().classes("w-full items-center gap-2"):
                 self._trigger = (
                     ui.input(t("Trigger by an object"), placeholder="6064 > 10")
                     .props("dense")
                     .classes("grow min-w-28 basis-40")
                 )
-                self._span = (
-                    ui.select({each: f"{each:g} s" for each in SPANS_S}, value=2.0, label=t("Span"))
-                    .props("dense")
-                    .classes("w-20")
-                )
+                self._span = span_choice()
             with ui.element("div").classes("mc-buttons"):
                 self._button = ui.button(t("Record"), on_click=self._record).props("color=primary")
                 self._save = ui.button(t("Download the trace"), on_click=self._download).props("outline")
@@ -104,27 +96,13 @@ class MappedPanel:
         if trace is None:
             return
         columns = sorted(self._curves.value)
-        message = {
-            "names": [trace.names[at] for at in columns],
-            # those without a unit have a picture each: bits and codes are no lengths
-            "units": [trace.units[at] or trace.objects[at] for at in columns],
-            "steps": [False] * len(columns),
-            "span": float(trace.time_s[-1] - trace.time_s[0]),
-            "rows": drawn_rows(trace, columns),
-            "restart": True,
-            "zero": 0,
-        }
-        ui.run_javascript(f"mcChart({self._chart.id}, {json.dumps(message)})")
+        # those without a unit have a picture each: bits and codes are no lengths
+        units = [trace.units[at] or trace.objects[at] for at in columns]
+        draw_trace(self._chart, trace, columns, [trace.names[at] for at in columns], units)
 
     def _download(self) -> None:
-        if self._trace is None:
-            return
-        # Protobuf and MCAP are loaded when somebody wants a file
-        from mcserver.recorder.scope_file import write_scope
-
-        stream, name = io.BytesIO(), self._actions.link.name
-        write_scope(stream, self._trace, name, self._trigger_unix)
-        ui.download.content(stream.getvalue(), f"{name}-axis-{self._trace.axis}-mapped.mcap")
+        if self._trace is not None:
+            download_trace(self._trace, self._actions.link.name, self._trigger_unix, "-mapped")
 
 
 def trace_of(found: DriveTrace) -> ScopeTrace:

@@ -11,6 +11,7 @@ from mcserver.canopen.desk import Desk, Reading
 from mcserver.canopen.parameters import Parameter, encode, search
 from mcserver.errors import UsageFault
 from mcserver.web.actions import show_error
+from mcserver.web.panels.card import card
 from mcserver.web.panels.desk_drive import DeskDrive
 from mcserver.web.panels.kept_rows import KeptRows
 from mcserver.web.translation import mark, t
@@ -27,8 +28,7 @@ class ParametersPanel:
         self._values: dict[Parameter, str] = {}
         self._shown: list[Parameter] = []
         self._chosen: Parameter | None = None
-        with ui.card().classes("mc-card"):
-            ui.html(f"<h2>{t('Parameters')}</h2>", sanitize=False)
+        with card(t("Parameters")):
             self._words = (
                 ui.input(t("Search: words of names, numbers, types"), on_change=self._search)
                 .props("dense clearable debounce=200")

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import io
-import json
 import math
 
 from mcclient import Machine, MotionError
@@ -14,6 +12,8 @@ from mcserver.canopen.scope import FOLLOWING_ERROR, ScopeTrace, Trigger
 from mcserver.web.actions import Actions, show_error, show_refusal
 from mcserver.web.choice import Choice
 from mcserver.web.formatting import axis_name
+from mcserver.web.panels.card import card
+from mcserver.web.panels.traces import download_trace, draw_trace, span_choice
 from mcserver.web.sample_scope import (
     POSITION,
     QUANTITIES,
@@ -21,11 +21,9 @@ from mcserver.web.sample_scope import (
     TORQUE,
     VELOCITY,
     SampleScope,
-    drawn_rows,
 )
 from mcserver.web.translation import mark, t
 
-SPANS_S = (0.5, 1.0, 2.0, 5.0, 10.0)
 # of a trace, before its trigger
 BEFORE = 0.25
 NAMES = {
@@ -49,8 +47,7 @@ class ScopePanel:
         self._axes: tuple[int, ...] = ()
         self._drawn: object = None
         names = {name: t(text) for name, text in NAMES.items()}
-        with ui.card().classes("mc-card"):
-            ui.html(f"<h2>{t('Scope')}</h2>", sanitize=False)
+        with card(t("Scope")):
             with ui.row().classes("w-full items-center gap-2"):
                 self._axis = Choice({}, label=t("Axis")).props("dense").classes("w-20")
                 self._curves = (
@@ -64,11 +61,7 @@ class ScopePanel:
                     .props("use-chips dense")
                     .classes("grow basis-48 min-w-0")
                 )
-                self._span = (
-                    ui.select({each: f"{each:g} s" for each in SPANS_S}, value=2.0, label=t("Span"))
-                    .props("dense")
-                    .classes("w-20")
-                )
+                self._span = span_choice()
             with ui.row().classes("w-full items-center gap-2"):
                 self._way = (
                     ui.select(
@@ -168,27 +161,13 @@ class ScopePanel:
 
     def _draw(self, trace: ScopeTrace) -> None:
         columns = [at for at, name in enumerate(QUANTITIES) if name in self._curves.value]
-        message = {
-            "names": [t(NAMES[QUANTITIES[at]]) for at in columns],
-            "units": [trace.units[at] for at in columns],
-            "steps": [False] * len(columns),
-            "span": float(trace.time_s[-1] - trace.time_s[0]) if len(trace.time_s) else 0.0,
-            "rows": drawn_rows(trace, columns),
-            "restart": True,
-            "zero": 0,
-        }
-        ui.run_javascript(f"mcChart({self._chart.id}, {json.dumps(message)})")
+        names = [t(NAMES[QUANTITIES[at]]) for at in columns]
+        draw_trace(self._chart, trace, columns, names, [trace.units[at] for at in columns])
 
     def _download(self) -> None:
         scope, machine = self._scope, self._machine
-        if scope is None or machine is None:
-            return
-        # Protobuf and MCAP are loaded when somebody wants a file
-        from mcserver.recorder.scope_file import write_scope
-
-        stream = io.BytesIO()
-        write_scope(stream, scope.trace(), self._actions.link.name, machine.info.epoch + scope.zero_s)
-        ui.download.content(stream.getvalue(), f"{self._actions.link.name}-axis-{scope.axis}.mcap")
+        if scope is not None and machine is not None:
+            download_trace(scope.trace(), self._actions.link.name, machine.info.epoch + scope.zero_s)
 
 
 async def _follow(machine: Machine, scope: SampleScope) -> None:

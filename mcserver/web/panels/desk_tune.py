@@ -16,6 +16,7 @@ from mcserver.gcode.text.words import AXIS_LETTERS
 from mcserver.web.actions import Actions, show_error, show_refusal
 from mcserver.web.dialogs import ask
 from mcserver.web.formatting import axis_name
+from mcserver.web.panels.card import card, scrolled
 from mcserver.web.panels.desk_bus import table_html
 from mcserver.web.panels.desk_drive import DeskDrive
 from mcserver.web.translation import mark, t
@@ -29,8 +30,7 @@ class TunePanel:
     def __init__(self, actions: Actions, drive: DeskDrive) -> None:
         self._actions = actions
         self._drive = drive
-        with ui.card().classes("mc-card"):
-            ui.html(f"<h2>{t('Tune')}</h2>", sanitize=False)
+        with card(t("Tune")):
             with ui.row().classes("w-full items-center gap-2"):
                 self._room = (
                     ui.number(t("Longest move"), value=10, min=0.001).props("dense").classes("grow min-w-24")
@@ -46,8 +46,7 @@ class TunePanel:
                     ui.button(t("Measure what moves"), on_click=self._measure).props("outline"),
                 ]
             self._said = ui.label("").classes("text-sm break-words").props("role=status")
-            self._report = ui.html("", sanitize=False).classes("w-full overflow-x-auto")
-            self._report.props(f'tabindex=0 role=region aria-label="{t("Tune")}"')
+            self._report = scrolled(t("Tune"))
             self._chart = ui.echart({}).classes("mc-chart")
             self._chart.set_visibility(False)
         drive.on_change(self._clear)

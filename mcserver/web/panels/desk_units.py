@@ -19,6 +19,7 @@ from mcserver.canopen.units_check import (
     scale_of,
 )
 from mcserver.web.actions import show_error, show_refusal
+from mcserver.web.panels.card import card, scrolled
 from mcserver.web.panels.desk_bus import table_html
 from mcserver.web.panels.desk_drive import DeskDrive
 from mcserver.web.translation import t
@@ -31,8 +32,7 @@ class UnitsPanel:
         self._drive = drive
         # place by the drive's count and by the machine [mm or deg], before the move
         self._before: tuple[int, float] | None = None
-        with ui.card().classes("mc-card"):
-            ui.html(f"<h2>{t('Units')}</h2>", sanitize=False)
+        with card(t("Units")):
             with ui.row().classes("w-full items-center gap-2"):
                 self._pitch = (
                     ui.number(t("Travel for a turn of the gear's shaft"), min=0)
@@ -49,8 +49,7 @@ class UnitsPanel:
                     "outline"
                 )
             self._said = ui.label("").classes("text-sm break-words").props("role=status")
-            self._report = ui.html("", sanitize=False).classes("w-full overflow-x-auto")
-            self._report.props(f'tabindex=0 role=region aria-label="{t("Units")}"')
+            self._report = scrolled(t("Units"))
         drive.on_change(self._on_drive)
         self._on_drive()
 

@@ -10,6 +10,7 @@ from nicegui import ui
 
 from mcserver.web.formatting import axis_name
 from mcserver.web.link import MachineLink
+from mcserver.web.panels.card import scrolled
 from mcserver.web.translation import t
 
 PERIOD_S = 2.0
@@ -24,10 +25,8 @@ class DrivesPanel:
 
     def __init__(self, link: MachineLink, *, desk: bool = False) -> None:
         self._link = link
-        self._shown = ""
         with ui.card().classes("mc-card"), ui.expansion(t("Drives")).classes("w-full mc-fold") as self._fold:
-            self._table = ui.html("", sanitize=False).classes("w-full overflow-x-auto")
-            self._table.props(f'tabindex=0 role=region aria-label="{t("Drives")}"')
+            self._table = scrolled(t("Drives"))
             if desk:
                 ui.link(t("Commissioning desk"), f"/machine/{quote(link.name)}/drives")
 
@@ -38,7 +37,7 @@ class DrivesPanel:
         try:
             found = await self._link.answers.get("drives", PERIOD_S, machine.drives)
         except MotionError as error:
-            self._set(f"<p>{html.escape(t(error.message))} [{error.code}]</p>")
+            self._table.set_content(f"<p>{html.escape(t(error.message))} [{error.code}]</p>")
             return
         drives = {drive.axis: drive for drive in found}
         rows = [
@@ -48,12 +47,9 @@ class DrivesPanel:
         ]
         titles = (t("Axis"), t("Drive"), t("Bus, node"), t("State"), t("Heartbeat"), t("Details"))
         head = f"<tr>{''.join(f'<th>{title}</th>' for title in titles)}</tr>"
-        self._set(f'<table class="mc-positions"><thead>{head}</thead><tbody>{"".join(rows)}</tbody></table>')
-
-    def _set(self, content: str) -> None:
-        if content != self._shown:
-            self._shown = content
-            self._table.set_content(content)
+        self._table.set_content(
+            f'<table class="mc-positions"><thead>{head}</thead><tbody>{"".join(rows)}</tbody></table>'
+        )
 
 
 def _cells(drive: DriveInfo | None) -> str:

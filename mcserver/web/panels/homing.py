@@ -8,10 +8,11 @@ from mcclient import AxisInfo, Event, Info, MachineStatus
 from nicegui import ui
 
 from mcserver.web.actions import Actions
-from mcserver.web.dialogs import NamedDialog, answer_to
+from mcserver.web.dialogs import NamedDialog, answer_to, answers
 from mcserver.web.formatting import MOST, axis_name
 from mcserver.web.link import MachineLink
 from mcserver.web.machine_words import HOMING_METHODS
+from mcserver.web.panels.card import heading
 from mcserver.web.translation import mark, t
 
 # Methods that find nothing by themselves: somebody says where the axis is.
@@ -28,7 +29,7 @@ class HomingPanel:
         self._card = ui.card().classes("mc-card")
         with self._card:
             with ui.row().classes("items-center w-full justify-between"):
-                ui.html(f"<h2>{t('Homing')}</h2>", sanitize=False)
+                heading(t("Homing"))
                 self._all = ui.button(t("Home all"), on_click=partial(self._home, None)).props(
                     "outline dense"
                 )
@@ -78,9 +79,7 @@ class HomingPanel:
         with NamedDialog(t("Reference of axis {name}", name=name)) as dialog, ui.card():
             ui.label(t("Where is axis {name} now? Its limits count from this number on.", name=name))
             number = ui.number(f"{name} [{axis.unit}]", min=-MOST, max=MOST, format="%.4f").props("autofocus")
-            with ui.row():
-                ui.button(t("Set the reference"), on_click=lambda: dialog.submit(True)).props("color=warning")
-                ui.button(t("Cancel"), on_click=lambda: dialog.submit(None)).props("flat")
+            answers(dialog, t("Set the reference"), "warning")
 
         async def reference(_: bool) -> bool:
             position = number.value

@@ -8,6 +8,7 @@ from nicegui import ui
 from mcserver.web.actions import Actions
 from mcserver.web.formatting import axis_name, limits_text
 from mcserver.web.jogging import HOLD_S, Move
+from mcserver.web.panels.card import card
 from mcserver.web.panels.held_buttons import HeldButtons, JogPad
 from mcserver.web.translation import mark, t
 
@@ -24,8 +25,7 @@ class JogPanel:
         self._joints: dict[int, str] = {}
         # two browsers of one person are two people to an axis
         self._by = actions.driver.name
-        with ui.card().classes("mc-card"):
-            ui.html(f"<h2>{t('Jog')}</h2>", sanitize=False)
+        with card(t("Jog")):
             with ui.row().classes("items-center w-full gap-4"):
                 self._step = ui.select(
                     {0.0: t("while held"), **{step: t("step {step:g}", step=step) for step in STEPS[1:]}},

@@ -13,6 +13,7 @@ from nicegui import ui
 from mcserver.web.actions import Actions, show_error
 from mcserver.web.dialogs import NamedDialog
 from mcserver.web.formatting import diagnostics_html
+from mcserver.web.panels.card import card
 from mcserver.web.translation import mark, t
 
 RESTART = mark("The server goes by it when it is restarted: systemctl restart mcserver.")
@@ -25,10 +26,9 @@ class MachineFilePanel:
 
     def __init__(self, actions: Actions) -> None:
         self._actions = actions
-        with ui.card().classes("mc-card") as card:
-            ui.html(f"<h2>{t('Machine file')}</h2>", sanitize=False)
+        with card(t("Machine file")) as shown:
             ui.button(t("Look at the machine file"), on_click=self._open).props("outline no-caps")
-        card.set_visibility(actions.visitor.may("machine_file"))
+        shown.set_visibility(actions.visitor.may("machine_file"))
 
     async def _open(self) -> None:
         if not self._actions.has_role("machine_file"):

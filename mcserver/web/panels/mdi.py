@@ -12,6 +12,7 @@ from mcserver.gcode.text.command_table import COMMANDS
 from mcserver.web.actions import Actions
 from mcserver.web.formatting import page_hint
 from mcserver.web.open_programs import refuse_open
+from mcserver.web.panels.card import card
 from mcserver.web.translation import mark, t
 
 HISTORY = 50
@@ -34,8 +35,7 @@ class MdiPanel:
         self._history: list[str] = []
         self._place = 0
         codes = [command.name for command in COMMANDS]
-        with ui.card().classes("mc-card"):
-            ui.html(f"<h2>{t('Manual input')}</h2>", sanitize=False)
+        with card(t("Manual input")):
             with ui.row().classes("w-full items-center no-wrap"):
                 self._field = (
                     ui.input(label=t("G-code"), placeholder="G01 X10 F600", autocomplete=codes)

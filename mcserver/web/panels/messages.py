@@ -12,6 +12,7 @@ from nicegui import ui
 from mcserver.web.actions import Actions
 from mcserver.web.formatting import axis_name, page_hint
 from mcserver.web.link import MachineLink
+from mcserver.web.panels.card import card
 from mcserver.web.panels.replay import show_replay
 from mcserver.web.translation import mark, t
 
@@ -24,7 +25,6 @@ class FaultPanel:
     def __init__(self, actions: Actions) -> None:
         self._link = actions.link
         self._card = ui.card().classes("mc-card")
-        self._shown: tuple[object, ...] = ()
         self._box = ""
         with self._card:
             self._list = ui.html("", sanitize=False).classes("w-full").props("role=alert")
@@ -42,11 +42,7 @@ class FaultPanel:
 
     def update(self, status: MachineStatus) -> None:
         self._card.set_visibility(bool(status.faults))
-        box = black_box_of(self._link, status)
-        shown = (box, *((fault.code, fault.message, fault.axis) for fault in status.faults))
-        if shown == self._shown:
-            return
-        self._shown, self._box = shown, box
+        box = self._box = black_box_of(self._link, status)
         self._play.set_visibility(bool(box))
         rows = []
         # the emergency stop before what it has caused
@@ -94,8 +90,7 @@ class EventPanel:
     def __init__(self, link: MachineLink) -> None:
         self._link = link
         self._count = -1
-        with ui.card().classes("mc-card"):
-            ui.html(f"<h2>{t('Events')}</h2>", sanitize=False)
+        with card(t("Events")):
             self._list = (
                 ui.html("", sanitize=False)
                 .classes("mc-events")

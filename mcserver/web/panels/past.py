@@ -12,6 +12,7 @@ from nicegui import ui
 
 from mcserver.web.actions import show_error
 from mcserver.web.link import MachineLink
+from mcserver.web.panels.card import card
 from mcserver.web.panels.replay import show_replay
 from mcserver.web.past import WHATS, WHENS, Answer, Past
 from mcserver.web.translation import t
@@ -30,8 +31,7 @@ class PastPanel:
     def __init__(self, link: MachineLink, past: Past) -> None:
         self._link = link
         self._past = past
-        with ui.card().classes("mc-card"):
-            ui.html(f"<h2>{t('History')}</h2>", sanitize=False)
+        with card(t("History")):
             with ui.row().classes("items-center w-full gap-4"):
                 self._what = ui.select(
                     {each: t(each) for each in WHATS}, value=WHATS[0], label=t("What")

@@ -11,6 +11,7 @@ from nicegui import ui
 from mcserver.web.formatting import axis_name, is_live
 from mcserver.web.link import MachineLink
 from mcserver.web.machine_words import program_name
+from mcserver.web.panels.card import card
 from mcserver.web.translation import mark, t
 
 COMMANDS = 8
@@ -21,16 +22,11 @@ class PeoplePanel:
 
     def __init__(self, link: MachineLink) -> None:
         self._link = link
-        self._shown = ""
-        with ui.card().classes("mc-card"):
-            ui.html(f"<h2>{t('Who is here')}</h2>", sanitize=False)
+        with card(t("Who is here")):
             self._content = ui.html("", sanitize=False).classes("w-full mc-people")
 
     def update(self) -> None:
-        content = self._link.once("people", lambda status: people_html(self._link, status))
-        if content != self._shown:
-            self._shown = content
-            self._content.set_content(content)
+        self._content.set_content(self._link.once("people", lambda status: people_html(self._link, status)))
 
 
 def people_html(link: MachineLink, status: MachineStatus) -> str:

@@ -13,6 +13,7 @@ from nicegui import ui
 from mcserver.view.zeros import work_zeros
 from mcserver.web.formatting import current_program
 from mcserver.web.link import MachineLink
+from mcserver.web.panels.card import heading
 from mcserver.web.space import Space
 from mcserver.web.translation import t
 
@@ -38,7 +39,7 @@ class PicturePanel:
         self._bodies: Bodies | None = None
         with ui.card().classes("mc-card"):
             with ui.row().classes("items-center w-full justify-between"):
-                ui.html(f"<h2>{t('Path')}</h2>", sanitize=False)
+                heading(t("Path"))
                 with ui.row().classes("gap-1"):
                     self._reach = ui.checkbox(t("Reach"), on_change=self._mark_reach).props("dense data-look")
                     self._reach.tooltip(t("where tips can be by the axes' travel; bodies are not looked at"))

@@ -7,16 +7,17 @@ from collections.abc import Mapping
 from functools import partial
 from types import MappingProxyType
 
-from mcclient import AxisInfo, Info, Machine, MachineStatus, MotionError
+from mcclient import AxisInfo, Info, Machine, MachineStatus
 from mcclient.broken_off import WORK_OFFSET
 from mcclient.work_tables import work_places
 from nicegui import ui
 
 from mcserver.machine.work_systems import WORK_SYSTEMS
 from mcserver.web.actions import Actions
-from mcserver.web.dialogs import NamedDialog, answer_to
+from mcserver.web.dialogs import NamedDialog, answer_to, answers
 from mcserver.web.formatting import MOST, axis_name, position_text, velocity_text
-from mcserver.web.open_programs import refusal_of, refuse_open
+from mcserver.web.open_programs import refusal_of, refusal_text, run_at_rest
+from mcserver.web.panels.card import card, scrolled
 from mcserver.web.translation import mark, t
 
 # Axes with a button: those with a letter.
@@ -37,13 +38,10 @@ class PositionsPanel:
 
     def __init__(self, actions: Actions) -> None:
         self._actions = actions
-        self._shown = ""
         self._axes: tuple[AxisInfo, ...] = ()
         self._buttons: list[ui.button] = []
-        with ui.card().classes("mc-card"):
-            ui.html(f"<h2>{t('Position')}</h2>", sanitize=False)
-            self._table = ui.html("", sanitize=False).classes("w-full overflow-x-auto")
-            self._table.props(f'tabindex=0 role=region aria-label="{t("Positions")}"')
+        with card(t("Position")):
+            self._table = scrolled(t("Positions"))
             self._offsets = ui.html("", sanitize=False).classes("w-full text-sm mc-offsets")
             self._mesh = ui.label("").classes("text-sm")
             self._zero = ui.element("div").classes("mc-buttons")
@@ -60,30 +58,20 @@ class PositionsPanel:
             "positions",
             lambda status: positions_html(status, info, work=link.has_work_offsets, joints=link.joints),
         )
-        if content != self._shown:
-            self._shown = content
-            self._table.set_content(content)
+        self._table.set_content(content)
         status = link.status
         if status is not None:
             self._mesh.set_text(mesh_text(status))
         if status is not None and shown:
-            offsets = offsets_html(status, info)
-            if offsets != self._offsets.content:
-                self._offsets.set_content(offsets)
-            self._allow(refusal_of(link, status.programs, WHY))
-
-    def _allow(self, refusal: MotionError | None) -> None:
-        """Say on the buttons why they do nothing now."""
-        text = "" if refusal is None else f"{refusal.message} [{refusal.code}]: {refusal.hint}"
-        if text != self._waits_for.text:
-            self._waits_for.set_text(text)
+            self._offsets.set_content(offsets_html(status, info))
+            refusal = refusal_of(link, status.programs, WHY)
+            self._waits_for.set_text(refusal_text(refusal))
             for button in self._buttons:
                 button.set_enabled(refusal is None)
 
     def _build(self) -> None:
         self._zero.clear()
         self._buttons = []
-        self._waits_for.set_text("")
         with self._zero:
             for axis in self._axes:
                 name = axis_name(axis.index)
@@ -97,12 +85,9 @@ class PositionsPanel:
         """Have programs read ``value`` where the axis is, which nothing moves for; whether it was set."""
 
         async def send(machine: Machine) -> None:
-            # it would wait for the axes, and set where they are when they come free
-            refuse_open(self._actions.link, await machine.programs(ended=False), WHY)
-            async with machine.program(
-                f"{WORK_OFFSET} by {self._actions.visitor.name}", at_pause=True
-            ) as program:
-                await program.send(f"G21 G90 G10 L20 P{system} {axis}{value:.6f}")
+            name = f"{WORK_OFFSET} by {self._actions.visitor.name}"
+            line = f"G21 G90 G10 L20 P{system} {axis}{value:.6f}"
+            await run_at_rest(self._actions.link, machine, name, line, WHY)
 
         where = mark("the work coordinate system in force") if system == 0 else system_name(system)
         done = await self._actions.do(
@@ -123,9 +108,7 @@ class PositionsPanel:
             system = ui.select(
                 {each: system_name(each) for each in range(1, 10)}, value=1, label=t("System")
             ).classes("min-w-24")
-            with ui.row():
-                ui.button(t("Set"), on_click=lambda: dialog.submit(True)).props("color=primary")
-                ui.button(t("Cancel"), on_click=lambda: dialog.submit(False)).props("flat")
+            answers(dialog, t("Set"))
 
         async def set_it(_: bool) -> bool:
             return number.value is not None and await self._set_zero(

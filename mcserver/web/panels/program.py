@@ -33,6 +33,7 @@ from mcserver.web.jobs import WHOLE, Job, JobState, Middle, Switches
 from mcserver.web.last_runs import LastRun
 from mcserver.web.machine_words import program_name
 from mcserver.web.open_programs import who
+from mcserver.web.panels.card import card
 from mcserver.web.panels.dry_run import show_dry_run
 from mcserver.web.panels.queue import QueuePanel
 from mcserver.web.panels.run_from import RecoveryPanel, ask_run_from
@@ -91,8 +92,7 @@ class ProgramPanel:
         self._listed: tuple[str, ...] = ()
         # the program that the last upload has replaced, and its text
         self._before: tuple[str, str] | None = None
-        with ui.card().classes("mc-card"):
-            ui.html(f"<h2>{t('Program')}</h2>", sanitize=False)
+        with card(t("Program")):
             self._title = ui.label(t("no program")).classes("font-bold")
             self._picture = Picture()
             self._bar = ui.linear_progress(0.0, show_value=False, size="1.2rem").props(
@@ -102,8 +102,7 @@ class ProgramPanel:
             self._next = ui.button(t("Next line"), on_click=self._step).props("color=positive data-often")
             self._next.set_visibility(False)
             self._text = ui.html("", sanitize=False).classes("w-full")
-        with ui.card().classes("mc-card"):
-            ui.html(f"<h2>{t('Programs and queue')}</h2>", sanitize=False)
+        with card(t("Programs and queue")):
             self._uploader = ui.upload(
                 label=t("Upload G-code"),
                 auto_upload=True,
@@ -216,9 +215,7 @@ class ProgramPanel:
             self._picture.show(job.thumbnail, f"{self._address}/jobs/{job.number}")
 
     def _show_single_step(self) -> None:
-        mode = self._actions.link.jobs.single_step
-        if self._single_step.value != mode:
-            self._single_step.set_value(mode)
+        self._single_step.set_value(self._actions.link.jobs.single_step)
         stepping = self._stepping()
         self._next.set_visibility(stepping is not None)
         if stepping is not None:
@@ -244,8 +241,7 @@ class ProgramPanel:
 
     def _show_switches(self) -> None:
         for name, value in self._actions.link.jobs.switches._asdict().items():
-            if self._switches[name].value != value:
-                self._switches[name].set_value(value)
+            self._switches[name].set_value(value)
 
     def _switch(self, name: str) -> None:
         jobs, on = self._actions.link.jobs, bool(self._switches[name].value)

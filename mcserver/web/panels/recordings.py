@@ -10,6 +10,7 @@ from nicegui import ui
 
 from mcserver.web.actions import Action, Actions
 from mcserver.web.formatting import clock_text, size_text
+from mcserver.web.panels.card import card
 from mcserver.web.panels.kept_rows import KeptRows
 from mcserver.web.panels.replay import show_replay
 from mcserver.web.translation import mark, t
@@ -25,8 +26,7 @@ class RecordingsPanel:
     def __init__(self, actions: Actions) -> None:
         self._actions = actions
         self._all = False
-        with ui.card().classes("mc-card"):
-            ui.html(f"<h2>{t('Recordings')}</h2>", sanitize=False)
+        with card(t("Recordings")):
             with ui.row().classes("w-full items-center gap-2"):
                 self._name = (
                     ui.input(t("Name"), placeholder=t("the time")).props("dense").classes("grow min-w-24")

@@ -22,10 +22,11 @@ from mcclient.work_tables import (
 from nicegui import ui
 
 from mcserver.web.actions import Actions, show_error, show_refusal
-from mcserver.web.dialogs import NamedDialog, answer_to, ask
+from mcserver.web.dialogs import NamedDialog, answer_to, answers, ask
 from mcserver.web.formatting import MOST, axis_name, position_text
 from mcserver.web.machine_words import program_name
-from mcserver.web.open_programs import refusal_of, refuse_open
+from mcserver.web.open_programs import refusal_of, refusal_text, run_at_rest
+from mcserver.web.panels.card import card, scrolled
 from mcserver.web.translation import mark, t
 
 PERIOD_S = 1.0
@@ -42,11 +43,8 @@ class TablesPanel:
         self._actions = actions
         self._tables: Tables | None = None
         self._info: Info | None = None
-        self._content = ""
-        with ui.card().classes("mc-card") as self._card:
-            ui.html(f"<h2>{t('Offsets and tools')}</h2>", sanitize=False)
-            self._rows = ui.html("", sanitize=False).classes("w-full overflow-x-auto")
-            self._rows.props(f'tabindex=0 role=region aria-label="{t("Offsets and tools")}"')
+        with card(t("Offsets and tools")) as self._card:
+            self._rows = scrolled(t("Offsets and tools"))
             with ui.element("div").classes("mc-buttons"):
                 offset = ui.button(t("Change an offset …"), on_click=self._ask_offset).props("outline dense")
                 self._tool = ui.button(t("Change a tool …"), on_click=self._ask_tool).props("outline dense")
@@ -65,37 +63,27 @@ class TablesPanel:
         try:
             self._tables = await link.answers.get("tables", PERIOD_S, machine.tables)
         except MotionError as error:
-            self._show(f"<p>{html.escape(t(error.message))} [{error.code}]</p>")
+            self._rows.set_content(f"<p>{html.escape(t(error.message))} [{error.code}]</p>")
             for button in self._buttons:
                 button.set_enabled(False)
             self._card.set_visibility(True)
             return
         self._info = info
-        self._show(tables_html(self._tables, info))
+        self._rows.set_content(tables_html(self._tables, info))
         self._tool.set_visibility(self._tables.tool_table)
         # not before: a button that is seen has to do something
         self._card.set_visibility(True)
         refusal = refusal_of(link, status.programs, WHY)
-        self._waits_for.set_text(
-            "" if refusal is None else f"{refusal.message} [{refusal.code}]: {refusal.hint}"
-        )
+        self._waits_for.set_text(refusal_text(refusal))
         for button in self._buttons:
             button.set_enabled(refusal is None)
         if refusal is None:
             self._undo.set_enabled(bool(self._tables.changes))
 
-    def _show(self, content: str) -> None:
-        if content != self._content:
-            self._content = content
-            self._rows.set_content(content)
-
     async def _send(self, what: str, line: str) -> bool:
         async def send(machine: Machine) -> None:
-            refuse_open(self._actions.link, await machine.programs(ended=False), WHY)
-            async with machine.program(
-                f"{WORK_OFFSET} by {self._actions.visitor.name}", at_pause=True
-            ) as program:
-                await program.send(line)
+            name = f"{WORK_OFFSET} by {self._actions.visitor.name}"
+            await run_at_rest(self._actions.link, machine, name, line, WHY)
 
         done = await self._actions.do("open", what, send)
         self._actions.link.answers.forget("tables")
@@ -156,7 +144,7 @@ class TablesPanel:
             for number in fields.values():
                 number.on_value_change(write)
             fill()
-            _buttons(dialog)
+            answers(dialog, t("Set"))
 
         async def change(_: bool) -> bool:
             nonlocal shows
@@ -229,7 +217,7 @@ class TablesPanel:
             length.on_value_change(write)
             diameter.on_value_change(write)
             fill()
-            _buttons(dialog)
+            answers(dialog, t("Set"))
 
         async def change(_: bool) -> bool:
             nonlocal shows
@@ -333,12 +321,6 @@ class TablesPanel:
             details=lambda: ui.label(line or "").classes("font-mono break-all"),
             act=undo,
         )
-
-
-def _buttons(dialog: ui.dialog) -> None:
-    with ui.element("div").classes("mc-buttons"):
-        ui.button(t("Set"), on_click=lambda: dialog.submit(True)).props("color=primary")
-        ui.button(t("Cancel"), on_click=lambda: dialog.submit(False)).props("flat")
 
 
 def _typed(shown: dict[Any, Any]) -> list[Any]:

@@ -9,6 +9,7 @@ from mcserver.errors import McError
 from mcserver.web.actions import Actions, show_error, show_refusal
 from mcserver.web.dialogs import ask
 from mcserver.web.open_programs import refuse_open
+from mcserver.web.panels.card import card
 from mcserver.web.panels.tool_jog import ToolJogPanel, pose_of
 from mcserver.web.tool_steps import opening_lines, pose_line
 from mcserver.web.translation import mark, t
@@ -28,8 +29,7 @@ class TeachPanel:
     def __init__(self, actions: Actions, jog: ToolJogPanel) -> None:
         self._actions = actions
         self._jog = jog
-        with ui.card().classes("mc-card") as self._card:
-            ui.html(f"<h2>{t('Teach')}</h2>", sanitize=False)
+        with card(t("Teach")) as self._card:
             self._text = ui.textarea(label=t("Taught program")).classes("w-full font-mono")
             self._text.props(f"autogrow maxlength={MOST_CHARACTERS} spellcheck=false data-kept=taught")
             with ui.element("div").classes("mc-buttons"):

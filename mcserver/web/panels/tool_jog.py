@@ -12,6 +12,7 @@ from nicegui import ui
 from mcserver.web.actions import Actions, show_refusal
 from mcserver.web.jogging import HOLD_S, Move
 from mcserver.web.open_programs import refuse_open
+from mcserver.web.panels.card import card
 from mcserver.web.panels.held_buttons import HeldButtons, JogPad
 from mcserver.web.tool_steps import Frame, step_lines
 from mcserver.web.translation import mark, t
@@ -37,8 +38,7 @@ class ToolJogPanel:
         self._waiting = 0
         # steps of before it was last raised do not run
         self._round = 0
-        with ui.card().classes("mc-card") as self._card:
-            ui.html(f"<h2>{t('Tool jog')}</h2>", sanitize=False)
+        with card(t("Tool jog")) as self._card:
             with ui.row().classes("items-center w-full gap-4"):
                 self._choice = ui.select({}, label=t("Tool"), on_change=self._build).classes("min-w-32")
                 self._frame = ui.select(
