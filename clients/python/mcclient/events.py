@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Awaitable, Callable
+from typing import TypeVar
 
 from mcclient.errors import MotionError
 from mcclient.feed import Feed, Queue
@@ -14,6 +15,7 @@ from mcclient.wire import decode
 
 log = logging.getLogger(__name__)
 
+T = TypeVar("T")
 EVENTS_LIMIT = 20_000
 WAITING_LIMIT = 5000
 FetchPage = Callable[[int], Awaitable[EventsReply]]
@@ -160,20 +162,24 @@ class EventReader:
             self._order.missed = 0
 
 
-def open_events(link: Link, key: str, fetch: FetchPage, *, history: bool) -> tuple[Feed[Event], Queue[Event]]:
-    """Return a feed of events, and the queue to end it by; ``history``: those that the server still has come
-    first.
+def open_events(
+    link: Link, key: str, fetch: FetchPage, take: Callable[[Queue[T], Event], None], *, history: bool = False
+) -> Feed[T]:
+    """Return a feed of events in order, or of what they say.
+
+    Args:
+        take: puts what an event says into the queue. history: those that the server still has come first.
     """
-    queue: Queue[Event] = Queue(EVENTS_LIMIT)
+    queue: Queue[T] = Queue(EVENTS_LIMIT)
 
     def missed(count: int) -> None:
         queue.missed += count
 
-    reader = EventReader(queue.push, missed, fetch, from_start=history)
+    reader = EventReader(lambda event: take(queue, event), missed, fetch, from_start=history)
     subscription = link.subscribe_recovering(key, reader.on_sample, limit=EVENTS_LIMIT)
 
     def release() -> None:
         subscription.close()
         reader.stop()
 
-    return Feed(queue, release), queue
+    return Feed(queue, release)

@@ -18,7 +18,6 @@ class Queue(Generic[T]):
         self.missed = 0
         self.items: deque[T] = deque(maxlen=limit)
         self.closed = False
-        self.failure: BaseException | None = None
         self._arrived = asyncio.Event()
 
     def push(self, item: T) -> None:
@@ -27,17 +26,14 @@ class Queue(Generic[T]):
         self.items.append(item)
         self._arrived.set()
 
-    def end(self, failure: BaseException | None = None) -> None:
+    def end(self) -> None:
         """No more comes; what is there can still be read."""
         self.closed = True
-        self.failure = failure
         self._arrived.set()
 
     async def take(self) -> T:
         """Raises StopAsyncIteration at the end."""
         while not self.items:
-            if self.failure is not None:
-                raise self.failure
             if self.closed:
                 raise StopAsyncIteration
             self._arrived.clear()

@@ -8,8 +8,9 @@ import hashlib
 import os
 import weakref
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from mcclient.calls import DEADLINE_S, Caller
 from mcclient.discovery import CONNECT_S, find_machine, new_client_id
@@ -26,7 +27,7 @@ from mcclient.reports import Report, open_reports
 from mcclient.servo import COUNTS_S, Servo
 from mcclient.starting import Starting
 from mcclient.stream import LineStream
-from mcclient.telemetry import InfoHolder, Samples, open_samples, open_states
+from mcclient.telemetry import SAMPLES_LIMIT, STATES_LIMIT, Samples, decode_samples, open_feed
 from mcclient.texts import put_text
 from mcclient.transport import Link, Subscription, endpoints_of, user_of
 from mcclient.types import (
@@ -40,6 +41,9 @@ from mcclient.types import (
     OpenReply,
     OutputsWord,
 )
+from mcclient.wire import decode
+
+T = TypeVar("T")
 
 PATIENCE_S = 10.0
 EVENTS_A_PAGE = 1000
@@ -63,12 +67,12 @@ class Machine(MachineCalls):
         self._presence = presence
         self._caller = caller
         self._patience_s = patience_s
-        self._holder: InfoHolder | None = None
+        self._info: Info | None = None
         self._watch: Subscription | None = None
         self._asking_anew: asyncio.Task[None] | None = None
         self._token_declared = False
         self._streams: weakref.WeakSet[LineStream] = weakref.WeakSet()
-        self._queues: weakref.WeakSet[Queue[Any]] = weakref.WeakSet()
+        self._feeds: weakref.WeakSet[Feed[Any]] = weakref.WeakSet()
 
     @classmethod
     def connect(
@@ -165,8 +169,8 @@ class Machine(MachineCalls):
                 await self._caller.call("leave", deadline_s=LEAVE_S)
         if self._watch is not None:
             self._watch.close()
-        for queue in list(self._queues):
-            queue.end()
+        for feed in list(self._feeds):
+            feed.close()
         await self._link.close()
 
     async def __aenter__(self) -> Machine:
@@ -180,8 +184,8 @@ class Machine(MachineCalls):
     @property
     def info(self) -> Info:
         """Axes, limits, tools, units; asked for anew when the server was started again."""
-        assert self._holder is not None, "set before a machine is handed out"
-        return self._holder.info
+        assert self._info is not None, "set before a machine is handed out"
+        return self._info
 
     @property
     def online(self) -> bool:
@@ -196,11 +200,8 @@ class Machine(MachineCalls):
 
     async def refresh_info(self, *, deadline_s: float = DEADLINE_S) -> Info:
         """Asks again now; after a start of the server that is done anyway."""
-        info = await self.ask_info(deadline_s=deadline_s)
-        if self._holder is None:
-            self._holder = InfoHolder(info)
-        self._holder.info = info
-        return info
+        self._info = await self.ask_info(deadline_s=deadline_s)
+        return self._info
 
     # ------------------------------------------------------------ programs
 
@@ -435,28 +436,35 @@ class Machine(MachineCalls):
         """Return the whole machine some 20 times a second, for dashboards: ``async for state in
         machine.telemetry()``.
         """
-        feed, queue = open_states(self._link, self._keys.state)
-        self._queues.add(queue)
-        return feed
+        read = partial(decode, MachineStatus)
+        return self._kept(open_feed(self._link, self._keys.state, read, limit=STATES_LIMIT))
 
     def samples(self) -> Feed[Samples]:
         """Return every cycle of every axis, some cycles at a time, as arrays."""
-        assert self._holder is not None, "set before a machine is handed out"
-        feed, queue = open_samples(self._link, self._keys.samples, self._holder)
-        self._queues.add(queue)
-        return feed
+        return self._kept(
+            open_feed(
+                self._link,
+                self._keys.samples,
+                lambda payload: decode_samples(payload, self.info),
+                limit=SAMPLES_LIMIT,
+            )
+        )
 
     def events(self, *, history: bool = False) -> Feed[Event]:
         """Events in order and without gap, from now on; ``history``: those that the server still has come
         first.
         """
-        feed, queue = open_events(self._link, self._keys.event, self._event_page, history=history)
-        self._queues.add(queue)
-        return feed
+        found: Feed[Event] = open_events(
+            self._link, self._keys.event, self._event_page, Queue.push, history=history
+        )
+        return self._kept(found)
 
     def _open_reports(self, program: str) -> Feed[Report]:
-        feed, queue = open_reports(self._link, self._keys.event, self._event_page, program)
-        self._queues.add(queue)
+        return self._kept(open_reports(self._link, self._keys.event, self._event_page, program))
+
+    def _kept(self, feed: Feed[T]) -> Feed[T]:
+        """Return a feed that ends with the machine."""
+        self._feeds.add(feed)
         return feed
 
     async def _event_page(self, since: int) -> EventsReply:

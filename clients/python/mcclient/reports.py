@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from mcclient.events import EVENTS_LIMIT, EventReader, FetchPage
+from mcclient.events import FetchPage, open_events
 from mcclient.feed import Feed, Queue
 from mcclient.transport import Link
 from mcclient.types import Diagnostic, Event, Fault, LineReport
@@ -58,13 +58,10 @@ def reports_of(event: Event) -> list[Report]:
     return []
 
 
-def open_reports(link: Link, key: str, fetch: FetchPage, program: str) -> tuple[Feed[Report], Queue[Report]]:
-    """Return a feed of one program's reports, which ends after the program has; and the queue to end it
-    by.
-    """
-    queue: Queue[Report] = Queue(EVENTS_LIMIT)
+def open_reports(link: Link, key: str, fetch: FetchPage, program: str) -> Feed[Report]:
+    """Return a feed of one program's reports, which ends after the program has."""
 
-    def pass_on(event: Event) -> None:
+    def take(queue: Queue[Report], event: Event) -> None:
         if event.program != program or queue.closed:
             return
         for report in reports_of(event):
@@ -72,14 +69,4 @@ def open_reports(link: Link, key: str, fetch: FetchPage, program: str) -> tuple[
         if event.kind == "program.ended":
             queue.end()
 
-    def missed(count: int) -> None:
-        queue.missed += count
-
-    reader = EventReader(pass_on, missed, fetch, from_start=False)
-    subscription = link.subscribe_recovering(key, reader.on_sample, limit=EVENTS_LIMIT)
-
-    def release() -> None:
-        subscription.close()
-        reader.stop()
-
-    return Feed(queue, release), queue
+    return open_events(link, key, fetch, take)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,14 +13,15 @@ from numpy.typing import NDArray
 from mcclient.errors import MotionError, ProtocolError
 from mcclient.feed import Feed, Queue
 from mcclient.transport import Arrived, Link
-from mcclient.types import Info, MachineStatus
-from mcclient.wire import decode, unpack
+from mcclient.types import Info
+from mcclient.wire import unpack
 
 log = logging.getLogger(__name__)
 
 STATES_LIMIT = 32
 SAMPLES_LIMIT = 4096
 
+T = TypeVar("T")
 Array = NDArray[np.float64]
 
 
@@ -78,36 +81,18 @@ def decode_samples(payload: bytes, info: Info) -> Samples:
     return Samples(int(seq), time_s, axes, {name: values[:, :, i] for i, name in enumerate(names)})
 
 
-class InfoHolder:
-    """The machine's info, which a new start of the server may change."""
+def open_feed(link: Link, key: str, read: Callable[[bytes], T], *, limit: int) -> Feed[T]:
+    """Return a feed of what is said under a key; a slow reader gets the newest.
 
-    def __init__(self, info: Info) -> None:
-        self.info = info
-
-
-def open_states(link: Link, key: str) -> tuple[Feed[MachineStatus], Queue[MachineStatus]]:
-    """Return a feed of the machine's states; a slow reader gets the newest ones."""
-    queue: Queue[MachineStatus] = Queue(STATES_LIMIT)
+    Args:
+        read: a payload; MotionError: it cannot be read.
+    """
+    queue: Queue[T] = Queue(limit)
 
     def on_sample(arrived: Arrived) -> None:
         try:
-            queue.push(decode(MachineStatus, arrived.payload))
+            queue.push(read(arrived.payload))
         except MotionError as error:
-            log.warning("a state was not understood: %s", error)
+            log.warning("telemetry was not understood: %s", error)
 
-    subscription = link.subscribe(key, on_sample, limit=STATES_LIMIT)
-    return Feed(queue, subscription.close), queue
-
-
-def open_samples(link: Link, key: str, holder: InfoHolder) -> tuple[Feed[Samples], Queue[Samples]]:
-    """Return a feed of every cycle of every axis, some cycles at a time."""
-    queue: Queue[Samples] = Queue(SAMPLES_LIMIT)
-
-    def on_sample(arrived: Arrived) -> None:
-        try:
-            queue.push(decode_samples(arrived.payload, holder.info))
-        except MotionError as error:
-            log.warning("samples were not understood: %s", error)
-
-    subscription = link.subscribe(key, on_sample, limit=SAMPLES_LIMIT)
-    return Feed(queue, subscription.close), queue
+    return Feed(queue, link.subscribe(key, on_sample, limit=limit).close)

@@ -14,7 +14,8 @@ from rich.table import Table
 from rich.text import Text
 
 from mcclient.cli.options import JsonOption, Target
-from mcclient.cli.output import carry_out, narration, results, say, write_json
+from mcclient.cli.output import narration, results, say, write_json
+from mcclient.cli.tables import plain_table
 from mcclient.cli.terminal import show_diagnostics
 from mcclient.errors import RequestRefused
 from mcclient.machine import Machine
@@ -72,43 +73,40 @@ def arm(
 
     approved: list[dict[str, Any]] = []
 
-    async def look() -> tuple[str, list[dict[str, Any]]]:
-        async with target.open() as one:
-            folder = pictures or default_folder() / one.name
-            wanted = msgspec.to_builtins(await one.run_requests())
-            approved.extend(msgspec.to_builtins(await one.run_approvals()))
-            if pictures is None:
-                forget_others(folder, wanted)
-            if sha256 is not None:
-                wanted = [each for each in wanted if each["sha256"].startswith(sha256.lower())]
-            return one.name, [await shown(one, each, folder) for each in wanted]
+    async def look(one: Machine) -> tuple[str, list[dict[str, Any]]]:
+        folder = pictures or default_folder() / one.name
+        wanted = msgspec.to_builtins(await one.run_requests())
+        approved.extend(msgspec.to_builtins(await one.run_approvals()))
+        if pictures is None:
+            forget_others(folder, wanted)
+        if sha256 is not None:
+            wanted = [each for each in wanted if each["sha256"].startswith(sha256.lower())]
+        return one.name, [await shown(one, each, folder) for each in wanted]
 
-    async def order(number: int | None) -> dict[str, Any]:
-        async with target.open() as one:
-            if reject is not None:
-                return _plain(await one.reject(sha256 or "", reject, number=number))
-            return _plain(
-                await one.arm(
-                    sha256 or "",
-                    seconds=seconds,
-                    override=override,
-                    number=number,
-                    standing_s=standing,
-                    servo=servo,
-                )
+    async def order(one: Machine, number: int | None) -> dict[str, Any]:
+        if reject is not None:
+            return _plain(await one.reject(sha256 or "", reject, number=number))
+        return _plain(
+            await one.arm(
+                sha256 or "",
+                seconds=seconds,
+                override=override,
+                number=number,
+                standing_s=standing,
+                servo=servo,
             )
+        )
 
-    async def take_back() -> list[dict[str, Any]]:
-        async with target.open() as one:
-            return [_plain(each) for each in await one.withdraw(sha256 or "")]
+    async def take_back(one: Machine) -> list[dict[str, Any]]:
+        return [_plain(each) for each in await one.withdraw(sha256 or "")]
 
     if (withdraw or reject is not None) and (sha256 is None or (withdraw and reject is not None)):
         raise typer.BadParameter("name one request by its hash, and either --reject or --withdraw")
     if servo and not standing:
         raise typer.BadParameter("--servo needs --standing: targets are approved for a while")
-    name, found = carry_out(look, json)
+    name, found = target.carry_out(look, json)
     if withdraw:
-        left = carry_out(take_back, json)
+        left = target.carry_out(take_back, json)
         if json:
             write_json({"ok": True, "machine": name, "requests": left})
         else:
@@ -147,7 +145,7 @@ def arm(
             say("nothing is armed")
             raise typer.Exit(1)
     # what was looked at, and nothing that was asked for in its place since
-    armed = carry_out(lambda: order(seen[0]["number"] if len(seen) == 1 else None), json)
+    armed = target.carry_out(lambda one: order(one, seen[0]["number"] if len(seen) == 1 else None), json)
     picture = seen[0]["picture"] if len(seen) == 1 else None
     if json:
         write_json({"ok": True, "machine": name, "requests": [{**armed, "picture": picture}]})
@@ -198,7 +196,7 @@ def forget_others(folder: Path, wanted: list[dict[str, Any]]) -> None:
 
 def requests_table(requests: list[dict[str, Any]]) -> Table:
     """Build a row for each request; names are shown as they are, without control characters."""
-    table = Table(box=None, pad_edge=False, header_style="bold")
+    table = plain_table()
     for title in ("hash", "state", "client", "name", "moves", "lasts", "left", "override", "picture"):
         # a path that is read by another program is one line
         table.add_column(title, overflow="fold", no_wrap=title == "picture" and not results().is_terminal)

@@ -13,9 +13,11 @@ from rich.table import Table
 from rich.text import Text
 
 from mcclient.cli.options import JsonOption, Target, with_target
-from mcclient.cli.output import carry_out, errors_shown, results, say, write_json, write_text
+from mcclient.cli.output import errors_shown, results, say, write_json, write_text
 from mcclient.cli.step import step
+from mcclient.cli.tables import plain_table
 from mcclient.errors import RequestRefused
+from mcclient.machine import Machine
 from mcclient.types import BusScan, DriveInfo, Fieldbus, SdoReply, SdoType
 
 AxisArgument = Annotated[int, typer.Argument(min=0, max=63, metavar="AXIS", help="Whose drive.")]
@@ -59,22 +61,20 @@ def watch(
 ) -> None:
     """Look at the drives again and again: states, emergencies, monitored objects."""
 
-    async def work() -> int:
+    async def work(one: Machine) -> None:
         looks = 0
-        async with target.open() as one:
-            with Live(console=results(), auto_refresh=False, transient=False) as live:
-                while not count or looks < count:
-                    if looks:
-                        await asyncio.sleep(interval)
-                    found = await one.drives()
-                    looks += 1
-                    if json:
-                        write_json(found)
-                    else:
-                        live.update(Group(drives_table(found), *monitor_lines(found)), refresh=True)
-        return looks
+        with Live(console=results(), auto_refresh=False, transient=False) as live:
+            while not count or looks < count:
+                if looks:
+                    await asyncio.sleep(interval)
+                found = await one.drives()
+                looks += 1
+                if json:
+                    write_json(found)
+                else:
+                    live.update(Group(drives_table(found), *monitor_lines(found)), refresh=True)
 
-    carry_out(work, json)
+    target.carry_out(work, json)
 
 
 def scan(
@@ -87,11 +87,7 @@ def scan(
 ) -> None:
     """Look who is on the machine's buses: identity, modes, EDS file, axis; nothing is changed."""
 
-    async def work() -> tuple[BusScan, ...]:
-        async with target.open() as one:
-            return await one.drives_scan(bus)
-
-    found = carry_out(work, json)
+    found = target.carry_out(lambda one: one.drives_scan(bus), json)
     if json:
         write_json(found)
         return
@@ -105,9 +101,7 @@ def scan(
 
 def scan_table(found: BusScan) -> Table:
     """One row a node."""
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for title in (_PLACES[found.fieldbus], "axis", "what", "vendor", "product", "modes", "EDS"):
-        table.add_column(title)
+    table = plain_table(_PLACES[found.fieldbus], "axis", "what", "vendor", "product", "modes", "EDS")
     for node in found.nodes:
         table.add_row(
             str(node.node),
@@ -142,11 +136,10 @@ def drives(target: Target, context: typer.Context, json: JsonOption = False) -> 
     if context.invoked_subcommand is not None:
         return
 
-    async def work() -> tuple[str, tuple[DriveInfo, ...]]:
-        async with target.open() as one:
-            return one.name, await one.drives()
+    async def work(one: Machine) -> tuple[str, tuple[DriveInfo, ...]]:
+        return one.name, await one.drives()
 
-    name, found = carry_out(work, json)
+    name, found = target.carry_out(work, json)
     if json:
         write_json(found)
     elif found:
@@ -159,7 +152,7 @@ def drives(target: Target, context: typer.Context, json: JsonOption = False) -> 
 
 def drives_table(drives: tuple[DriveInfo, ...]) -> Table:
     """One row a drive."""
-    table = Table(box=None, pad_edge=False, header_style="bold")
+    table = plain_table()
     table.add_column("axis", justify="right")
     for title in ("bus", " or ".join(sorted({_PLACES[each.fieldbus] for each in drives})), "state", "nmt"):
         table.add_column(title, no_wrap=True)
@@ -237,13 +230,12 @@ def _carry_out(
         index, subindex = parse_object(place)
         chosen = sdo_type(kind)
 
-    async def work() -> SdoReply:
-        async with target.open() as one:
-            if value is None:
-                return await one.sdo_read(index, subindex, axis=axis, type=chosen)
-            return await one.sdo_write(index, value, subindex, axis=axis, type=chosen)
+    async def work(one: Machine) -> SdoReply:
+        if value is None:
+            return await one.sdo_read(index, subindex, axis=axis, type=chosen)
+        return await one.sdo_write(index, value, subindex, axis=axis, type=chosen)
 
-    _tell(carry_out(work, json), json)
+    _tell(target.carry_out(work, json), json)
 
 
 def parse_object(text: str) -> tuple[int, int]:

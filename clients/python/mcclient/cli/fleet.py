@@ -16,7 +16,7 @@ from rich.text import Text
 
 from mcclient.cli.options import LOOK_S, ConfigOption, ConnectOption, JsonOption
 from mcclient.cli.output import as_plain, carry_out, error_as_json, errors_shown, results, say, write_json
-from mcclient.cli.tables import state_text
+from mcclient.cli.tables import plain_table, state_text
 from mcclient.cli.terminal import TerminalConsole
 from mcclient.errors import MotionError, NobodyAnswers, RequestRefused
 from mcclient.estop import emergency_stop
@@ -108,7 +108,7 @@ class Sight:
 
 def table_of(seen: Sequence[Seen]) -> Table:
     """One row a machine, those that need somebody first."""
-    table = Table(box=None, pad_edge=False, header_style="bold")
+    table = plain_table()
     for title in ("machine", "state", "program", "line", "done", "feed", "fault"):
         table.add_column(
             title, no_wrap=True, justify="right" if title in ("line", "done", "feed") else "left"

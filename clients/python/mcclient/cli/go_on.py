@@ -12,7 +12,7 @@ import typer
 
 from mcclient.broken_off import broken_off
 from mcclient.cli.options import JsonOption, Target, axis_name
-from mcclient.cli.output import carry_out, narration, results, say, write_json
+from mcclient.cli.output import narration, results, say, write_json
 from mcclient.cli.source import ProgramSource
 from mcclient.errors import RequestRefused
 from mcclient.machine import Machine
@@ -62,23 +62,22 @@ def continue_(
 ) -> None:
     """Go on with a program after a crash, a fault or an abort: mcctl continue. Ctrl-C aborts it."""
 
-    async def work() -> tuple[str, dict[str, Any]]:
-        async with target.open() as machine:
-            name = program or await _newest(machine)
-            shown = await machine.continuation(name, line=line)
-            _tell(shown, needs=show)
-            if show:
-                return machine.name, {"continuation": shown}
-            rest = _rest(shown, file)
-            agreed_way, agreed_outputs = await _agree(shown, way, outputs)
-            async with machine.continue_program(
-                name, line=line, way=agreed_way, outputs=outputs_of(agreed_outputs)
-            ) as opened:
-                if not shown.whole:
-                    await opened.send_lines(rest)
-            return machine.name, {"program": opened.id, "state": opened.state, "done": opened.done_through}
+    async def work(machine: Machine) -> tuple[str, dict[str, Any]]:
+        name = program or await _newest(machine)
+        shown = await machine.continuation(name, line=line)
+        _tell(shown, needs=show)
+        if show:
+            return machine.name, {"continuation": shown}
+        rest = _rest(shown, file)
+        agreed_way, agreed_outputs = await _agree(shown, way, outputs)
+        async with machine.continue_program(
+            name, line=line, way=agreed_way, outputs=outputs_of(agreed_outputs)
+        ) as opened:
+            if not shown.whole:
+                await opened.send_lines(rest)
+        return machine.name, {"program": opened.id, "state": opened.state, "done": opened.done_through}
 
-    name, outcome = carry_out(work, json)
+    name, outcome = target.carry_out(work, json)
     if json:
         plain = {key: value for key, value in outcome.items() if key != "continuation"}
         shown = outcome.get("continuation")

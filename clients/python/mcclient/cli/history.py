@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 from rich.text import Text
 
 from mcclient.broken_off import BY_HAND, MOVES_BY_HAND
 from mcclient.cli.options import JsonOption
 from mcclient.cli.output import carry_out, results, say, write_json
+from mcclient.cli.tables import plain_table
 from mcclient.errors import RequestRefused
 from mcclient.sql_text import quoted
 
@@ -117,9 +117,7 @@ def history(
         shown = [dict(zip(names, row, strict=True)) for row in rows]
         write_json({"ok": True, "rows": json_text.loads(json_text.dumps(shown, default=str))})
         return
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for name in names:
-        table.add_column(name, overflow="fold")
+    table = plain_table(*names, overflow="fold")
     for row in rows:
         table.add_row(*(Text("" if value is None else _plain(value)) for value in row))
     results().print(table)

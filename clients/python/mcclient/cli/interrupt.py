@@ -9,31 +9,19 @@ import os
 import signal
 import sys
 from collections.abc import Callable
-from typing import Protocol
 
+from mcclient.cli.ahead import JobOptions
 from mcclient.cli.output import say
 from mcclient.cli.progress import Display
 from mcclient.cli.signals import on_signals
 from mcclient.errors import MotionError
 from mcclient.lines import from_thread
 from mcclient.program import Program
-from mcclient.types import OnDisconnectWord
 
 INTERRUPTED = 130
 TYPED_LINES = 100
 RESUMABLE = ("held", "paused")
 STATE_LIMIT_S = 0.5
-
-
-class Asked(Protocol):
-    """What matters of the run's options."""
-
-    @property
-    def interactive(self) -> bool: ...
-    @property
-    def step(self) -> bool: ...
-    @property
-    def on_disconnect(self) -> OnDisconnectWord: ...
 
 
 class Interrupts:
@@ -44,7 +32,7 @@ class Interrupts:
     """
 
     def __init__(
-        self, program: Program, display: Display, options: Asked, all_accepted: Callable[[], bool]
+        self, program: Program, display: Display, options: JobOptions, all_accepted: Callable[[], bool]
     ) -> None:
         self._program = program
         self._display = display

@@ -13,7 +13,8 @@ from rich.table import Table
 from rich.text import Text
 
 from mcclient.cli.options import JsonOption, Target, with_target
-from mcclient.cli.output import carry_out, results, write_json
+from mcclient.cli.output import results, write_json
+from mcclient.cli.tables import plain_table
 from mcclient.cli.terminal import TerminalConsole
 from mcclient.machine import Machine
 from mcclient.types import Info, InputInfo, MachineStatus, OutputInfo
@@ -45,21 +46,20 @@ def show(
     if context.invoked_subcommand is not None:
         return
 
-    async def work() -> None:
-        async with target.open() as one:
-            status = await one.status()
-            if json:
-                write_json(_as_json(status))
-                if watch:
-                    async for status in one.telemetry():
-                        write_json(_as_json(status))
-            elif watch and results().is_terminal:
-                await _live(one, status)
-            else:
-                results().print(channels_view(one.info, status))
+    async def work(one: Machine) -> None:
+        status = await one.status()
+        if json:
+            write_json(_as_json(status))
+            if watch:
+                async for status in one.telemetry():
+                    write_json(_as_json(status))
+        elif watch and results().is_terminal:
+            await _live(one, status)
+        else:
+            results().print(channels_view(one.info, status))
 
     with contextlib.suppress(KeyboardInterrupt):
-        carry_out(work, json)
+        target.carry_out(work, json)
 
 
 def set_(
@@ -71,13 +71,12 @@ def set_(
     """Set an output, or a simulated input: mcctl io set lamp on."""
     level = read_level(value)
 
-    async def work() -> float:
-        async with target.open() as one:
-            if any(each.name == name for each in one.info.inputs):
-                return (await one.set_simulated_input(name, level)).value
-            return (await one.set_output(name, level)).value
+    async def work(one: Machine) -> float:
+        if any(each.name == name for each in one.info.inputs):
+            return (await one.set_simulated_input(name, level)).value
+        return (await one.set_output(name, level)).value
 
-    done = carry_out(work, json)
+    done = target.carry_out(work, json)
     if json:
         write_json({"ok": True, "name": name, "value": done})
     else:
@@ -141,7 +140,7 @@ def _outputs_table(info: Info, status: MachineStatus) -> Table:
 
 
 def _table(kind: str, fourth: str) -> Table:
-    table = Table(box=None, pad_edge=False, header_style="bold")
+    table = plain_table()
     table.add_column(kind, min_width=14, no_wrap=True)
     table.add_column("number", min_width=8, no_wrap=True)
     table.add_column("value", justify="right", min_width=10, no_wrap=True)

@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 
 from mcclient.cli.options import LOOK_S, ConfigOption, ConnectOption, JsonOption, Target
 from mcclient.cli.output import carry_out, error_as_json, fail, results, say, write_json
-from mcclient.cli.tables import axes_text, machine_view, programs_table
+from mcclient.cli.tables import axes_text, machine_view, plain_table, programs_table
 from mcclient.discovery import list_machines
 from mcclient.errors import MotionError, NobodyAnswers
-from mcclient.types import Info, MachineStatus, ProgramStatus
+from mcclient.machine import Machine
+from mcclient.types import Info, MachineStatus
 
 
 def list_(connect: ConnectOption = None, zenoh: ConfigOption = None, json: JsonOption = False) -> None:
@@ -30,9 +30,7 @@ def list_(connect: ConnectOption = None, zenoh: ConfigOption = None, json: JsonO
     if json:
         write_json([_machine_as_json(name, info) for name, info in found])
         return
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for title in ("machine", "axes", "tools", "cycle", "server"):
-        table.add_column(title)
+    table = plain_table("machine", "axes", "tools", "cycle", "server")
     for name, info in found:
         if isinstance(info, MotionError):
             table.add_row(name, "", "", "", f"does not answer ({info.code})")
@@ -60,11 +58,10 @@ def _machine_as_json(name: str, info: Info | MotionError) -> dict[str, Any]:
 def status(target: Target, json: JsonOption = False) -> None:
     """The machine's state now: axes, programs, faults."""
 
-    async def work() -> tuple[str, Info, MachineStatus]:
-        async with target.open() as one:
-            return one.name, one.info, await one.status()
+    async def work(one: Machine) -> tuple[str, Info, MachineStatus]:
+        return one.name, one.info, await one.status()
 
-    name, info, state = carry_out(work, json)
+    name, info, state = target.carry_out(work, json)
     if json:
         write_json(state)
     else:
@@ -79,11 +76,7 @@ def programs(
 ) -> None:
     """Programs running, queued, ended and interrupted, the newest first."""
 
-    async def work() -> tuple[ProgramStatus, ...]:
-        async with target.open() as one:
-            return await one.programs(ended=not running, limit=limit)
-
-    found = carry_out(work, json)
+    found = target.carry_out(lambda one: one.programs(ended=not running, limit=limit), json)
     if json:
         write_json(found)
     elif found:

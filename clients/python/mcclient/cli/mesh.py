@@ -9,8 +9,9 @@ from typing import Annotated, Any
 import typer
 
 from mcclient.cli.options import JsonOption, Target, axis_of
-from mcclient.cli.output import carry_out, results, say, write_json
+from mcclient.cli.output import results, say, write_json
 from mcclient.errors import MotionError, RequestRefused
+from mcclient.machine import Machine
 from mcclient.types import Event
 
 # Places that differ by less are in one row or column of the mesh [mm].
@@ -29,17 +30,16 @@ def mesh(
     Start the program behind it. The first point counts as right; the mesh goes into the machine file.
     """
 
-    async def work() -> tuple[tuple[int, int], dict[str, Any]]:
-        async with target.open() as one:
-            numbers = [axis_of(text, one.info).index for text in (axis, first, second)]
-            if len(set(numbers)) < len(numbers):
-                raise RequestRefused("MC511", "an axis is named twice", "such as: mcctl mesh Z X Y")
-            events = one.events()
-            say(f"{one.name}: waiting for a program that probes")
-            points = await probed(events, numbers)
-            return (numbers[1], numbers[2]), mesh_of(points)
+    async def work(one: Machine) -> tuple[tuple[int, int], dict[str, Any]]:
+        numbers = [axis_of(text, one.info).index for text in (axis, first, second)]
+        if len(set(numbers)) < len(numbers):
+            raise RequestRefused("MC511", "an axis is named twice", "such as: mcctl mesh Z X Y")
+        events = one.events()
+        say(f"{one.name}: waiting for a program that probes")
+        points = await probed(events, numbers)
+        return (numbers[1], numbers[2]), mesh_of(points)
 
-    over, found = carry_out(work, json)
+    over, found = target.carry_out(work, json)
     if json:
         write_json({"ok": True, "axes": over, **found})
         return

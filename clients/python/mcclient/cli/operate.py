@@ -36,11 +36,10 @@ def _order(
     act: Callable[[Machine], Awaitable[dict[str, Any]]],
     sentence: Callable[[str, dict[str, Any]], str],
 ) -> None:
-    async def work() -> tuple[str, dict[str, Any]]:
-        async with target.open() as machine:
-            return machine.name, await act(machine)
+    async def work(machine: Machine) -> tuple[str, dict[str, Any]]:
+        return machine.name, await act(machine)
 
-    name, outcome = carry_out(work, as_json)
+    name, outcome = target.carry_out(work, as_json)
     if as_json:
         write_json({"ok": True, "machine": name, **outcome})
     else:

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, TypeVar
 
 import typer
 
+from mcclient.cli.output import carry_out
 from mcclient.errors import RequestRefused
 from mcclient.machine import Machine
 from mcclient.starting import Starting
 from mcclient.types import AxisInfo, Info
+
+T = TypeVar("T")
 
 
 def _complete_machine(incomplete: str) -> list[str]:
@@ -82,6 +85,15 @@ class Target:
     machine: str | None
     connect: list[str] | None
     config_file: Path | None
+
+    def carry_out(self, work: Callable[[Machine], Coroutine[Any, Any, T]], as_json: bool) -> T:
+        """Do something with the machine while it is connected, and show the errors of that."""
+
+        async def connected() -> T:
+            async with self.open() as machine:
+                return await work(machine)
+
+        return carry_out(connected, as_json)
 
     def open(self) -> Starting[Machine]:
         """Connects as ``mcctl``."""

@@ -19,8 +19,9 @@ from rich.text import Text
 
 from mcclient.cli.dataset import dataset
 from mcclient.cli.options import JsonOption, Target, with_target
-from mcclient.cli.output import carry_out, results, say, write_json
+from mcclient.cli.output import results, say, write_json
 from mcclient.cli.signals import on_signals
+from mcclient.cli.tables import plain_table
 from mcclient.errors import RequestRefused
 from mcclient.machine import Machine
 from mcclient.sample_file import open_sample_file
@@ -83,11 +84,10 @@ def record(
     if output is not None and format is not None and output.suffix.lower() not in ("", f".{format}"):
         raise typer.BadParameter(f"{output} is not called as a file of the format {format}")
 
-    async def work() -> dict[str, Any]:
-        async with target.open() as one:
-            return await _record_here(one, _file_name(output, format, one.name, time.time()), seconds)
+    async def work(one: Machine) -> dict[str, Any]:
+        return await _record_here(one, _file_name(output, format, one.name, time.time()), seconds)
 
-    found = carry_out(work, json)
+    found = target.carry_out(work, json)
     if json:
         write_json({"ok": True, **found})
     else:
@@ -181,11 +181,10 @@ def save(
 
 
 def _order(word: str, json: bool, target: Target, order: Callable[[Machine], Awaitable[str]]) -> None:
-    async def work() -> tuple[str, str]:
-        async with target.open() as one:
-            return one.name, await order(one)
+    async def work(one: Machine) -> tuple[str, str]:
+        return one.name, await order(one)
 
-    machine, name = carry_out(work, json)
+    machine, name = target.carry_out(work, json)
     if json:
         write_json({"ok": True, "machine": machine, "recording": name})
     else:
@@ -195,11 +194,10 @@ def _order(word: str, json: bool, target: Target, order: Callable[[Machine], Awa
 def list_(target: Target, json: JsonOption = False) -> None:
     """List the recordings on the server, and what the black box holds."""
 
-    async def work() -> tuple[str, RecordingsReply]:
-        async with target.open() as one:
-            return one.name, await one.recordings()
+    async def work(one: Machine) -> tuple[str, RecordingsReply]:
+        return one.name, await one.recordings()
 
-    name, found = carry_out(work, json)
+    name, found = target.carry_out(work, json)
     if json:
         write_json({"ok": True, "machine": name, **msgspec.to_builtins(found)})
         return
@@ -216,7 +214,7 @@ def list_(target: Target, json: JsonOption = False) -> None:
 
 def recordings_table(recordings: Sequence[RecordingInfo]) -> Table:
     """Return a row for each recording, the newest first."""
-    table = Table(box=None, pad_edge=False, header_style="bold")
+    table = plain_table()
     for title, justify in (("name", "left"), ("state", "left"), ("size", "right"), ("written", "left")):
         table.add_column(title, overflow="fold", justify=justify)  # type: ignore[arg-type]
     for each in recordings:
@@ -233,13 +231,12 @@ def get(
 ) -> None:
     """Take a recording over from the server into a file here."""
 
-    async def work() -> tuple[str, Path, int]:
-        async with target.open() as one:
-            chosen = name.removesuffix(SUFFIX) or await _newest(one)
-            file = output or Path(f"{chosen}{SUFFIX}")
-            return chosen, file, await _download(one, chosen, file)
+    async def work(one: Machine) -> tuple[str, Path, int]:
+        chosen = name.removesuffix(SUFFIX) or await _newest(one)
+        file = output or Path(f"{chosen}{SUFFIX}")
+        return chosen, file, await _download(one, chosen, file)
 
-    chosen, file, size = carry_out(work, json)
+    chosen, file, size = target.carry_out(work, json)
     if json:
         write_json({"ok": True, "recording": chosen, "output": str(file), "size": size})
     else:

@@ -15,7 +15,8 @@ import typer
 from rich.table import Table
 
 from mcclient.cli.options import JsonOption, Target
-from mcclient.cli.output import carry_out, results, say, write_json
+from mcclient.cli.output import results, say, write_json
+from mcclient.cli.tables import plain_table
 from mcclient.errors import RequestRefused
 from mcclient.machine import Machine
 from mcclient.step_response import Array, StepResponse, step_response
@@ -52,15 +53,14 @@ def step(
     if plot is not None:
         _drawing()
 
-    async def work() -> tuple[AxisInfo, Array, list[StepResponse]]:
-        async with target.open() as one:
-            info = await _ready(one, axis)
-            if not armed:
-                await _ask(one.name, info, distance)
-            rows = await _record(one, axis, distance)
-            return info, rows, measured(rows, info.in_position)
+    async def work(one: Machine) -> tuple[AxisInfo, Array, list[StepResponse]]:
+        info = await _ready(one, axis)
+        if not armed:
+            await _ask(one.name, info, distance)
+        rows = await _record(one, axis, distance)
+        return info, rows, measured(rows, info.in_position)
 
-    info, rows, legs = carry_out(work, json)
+    info, rows, legs = target.carry_out(work, json)
     if output is not None:
         _write(output, rows, info)
     if plot is not None:
@@ -159,7 +159,7 @@ def _rows(samples: Samples, axis: int) -> Array:
 
 
 def _table(legs: list[StepResponse], info: AxisInfo) -> Table:
-    table = Table(box=None, pad_edge=False, header_style="bold")
+    table = plain_table()
     table.add_column("")
     for leg in legs:
         table.add_column(f"{leg.distance:+g} {info.unit}", justify="right")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from rich.console import Group, RenderableType
 from rich.table import Table
@@ -31,6 +32,14 @@ STATE_STYLES = {
     "off": "dim",
     "released": "dim",
 }
+
+
+def plain_table(*titles: str, **column: Any) -> Table:
+    """Return a table without lines; ``column``: how its columns are, as of `Table.add_column`."""
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for title in titles:
+        table.add_column(title, **column)
+    return table
 
 
 def state_text(state: str) -> Text:
@@ -89,7 +98,7 @@ def _headline(name: str, status: MachineStatus, online: bool) -> Text:
 
 def _axes_table(info: Info, status: MachineStatus, rows: int | None) -> Table:
     units = {axis.index: axis.unit for axis in info.axes}
-    table = Table(box=None, pad_edge=False, header_style="bold")
+    table = plain_table()
     table.add_column("axis", justify="right")
     for title in ("position", "setpoint", "velocity"):
         table.add_column(title, justify="right", min_width=11)
@@ -144,7 +153,7 @@ def _homed_text(needed: bool, *, homed: bool) -> Text:
 def _work_offsets(info: Info, status: MachineStatus) -> Table:
     """Return where each work coordinate system reads zero."""
     units = {axis.index: axis.unit for axis in info.axes}
-    table = Table(box=None, pad_edge=False, header_style="bold")
+    table = plain_table()
     table.add_column("system", no_wrap=True)
     table.add_column("reads zero at")
     for each in status.work_offsets:
@@ -158,9 +167,9 @@ def _work_offsets(info: Info, status: MachineStatus) -> Table:
 
 
 def _tools_table(status: MachineStatus) -> Table:
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for title in ("tool", "x mm", "y mm", "z mm", "a deg", "b deg", "c deg"):
-        table.add_column(title, justify="right", no_wrap=True)
+    table = plain_table(
+        "tool", "x mm", "y mm", "z mm", "a deg", "b deg", "c deg", justify="right", no_wrap=True
+    )
     for tool in status.tools:
         table.add_row(
             f"T{tool.number}",
@@ -172,7 +181,7 @@ def _tools_table(status: MachineStatus) -> Table:
 
 def programs_table(programs: Sequence[ProgramStatus]) -> Table:
     """One row a program."""
-    table = Table(box=None, pad_edge=False, header_style="bold")
+    table = plain_table()
     # ids are typed again by people: never cut
     table.add_column("program", no_wrap=True, overflow="fold")
     table.add_column("state", no_wrap=True)

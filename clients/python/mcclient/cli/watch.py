@@ -11,7 +11,7 @@ from rich.console import RenderableType
 from rich.live import Live
 
 from mcclient.cli.options import JsonOption, Target
-from mcclient.cli.output import carry_out, results, write_json
+from mcclient.cli.output import results, write_json
 from mcclient.cli.tables import machine_view
 from mcclient.cli.terminal import TerminalConsole
 from mcclient.machine import Machine
@@ -30,20 +30,19 @@ def watch(
 ) -> None:
     """Axes, programs and faults, live; Ctrl-C leaves. With --json one line a state."""
 
-    async def work() -> None:
-        async with target.open() as one:
-            if once:
-                _show_once(one, await one.status(), json)
-            elif json:
-                async for status in one.telemetry():
-                    write_json(status)
-            elif results().is_terminal:
-                await _live(one)
-            else:
-                await _plain(one)
+    async def work(one: Machine) -> None:
+        if once:
+            _show_once(one, await one.status(), json)
+        elif json:
+            async for status in one.telemetry():
+                write_json(status)
+        elif results().is_terminal:
+            await _live(one)
+        else:
+            await _plain(one)
 
     with contextlib.suppress(KeyboardInterrupt):
-        carry_out(work, json)
+        target.carry_out(work, json)
 
 
 def _show_once(machine: Machine, status: MachineStatus, as_json: bool) -> None:

@@ -7,10 +7,11 @@ import time
 from typing import Annotated
 
 import typer
-from rich.table import Table
 
 from mcclient.cli.options import JsonOption, Target
-from mcclient.cli.output import carry_out, results, write_json
+from mcclient.cli.output import results, write_json
+from mcclient.cli.tables import plain_table
+from mcclient.machine import Machine
 from mcclient.types import TableChange, Tables
 from mcclient.work_tables import change_text, offset_line, tool_line, undo_line, undo_row, use_text
 
@@ -34,19 +35,16 @@ def tables(
     if (row is None) != (name is None and life is None and used is None):
         raise typer.BadParameter("a row goes with --name, --life or --used")
 
-    async def work() -> Tables:
-        async with target.open() as one:
-            if row is not None:
-                await one.set_table_row(row, name=name, life_min=life, used_min=used)
-            return await one.tables()
+    async def work(one: Machine) -> Tables:
+        if row is not None:
+            await one.set_table_row(row, name=name, life_min=life, used_min=used)
+        return await one.tables()
 
-    found = carry_out(work, json)
+    found = target.carry_out(work, json)
     if json:
         write_json(found)
         return
-    rows = Table(box=None, pad_edge=False, header_style="bold")
-    for title in ("row", "name", "as a line", "", "cut [min]"):
-        rows.add_column(title, no_wrap=True)
+    rows = plain_table("row", "name", "as a line", "", "cut [min]", no_wrap=True)
     for each in found.offsets:
         turned = {"R": each.rotation} if each.rotation else {}
         line = offset_line(each.system, {**each.origin, **turned})
@@ -60,9 +58,7 @@ def tables(
     results().print(rows)
     if not found.changes:
         return
-    changes = Table(box=None, pad_edge=False, header_style="bold")
-    for title in ("when", "who", "what", "to undo"):
-        changes.add_column(title)
+    changes = plain_table("when", "who", "what", "to undo")
     for change in found.changes[:20]:
         when = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(change.wall))
         who = f"{change.name} ({change.client})" if change.name else change.client

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import re
 from collections.abc import Sequence
 from typing import Annotated
@@ -13,6 +12,7 @@ from mcclient.cli.options import JsonOption, Target
 from mcclient.cli.output import errors_shown
 from mcclient.cli.send import send
 from mcclient.errors import RequestRefused
+from mcclient.machine import Machine
 from mcclient.types import MachineStatus, ProbeStatus, WorkOffset
 from mcclient.work_tables import SYSTEMS
 
@@ -94,25 +94,23 @@ def zero(
     """Set the work coordinate system where the axes are: mcctl zero X Y, mcctl zero Z=1.5. Nothing moves."""
     line = zero_line(axes, system)
 
-    async def look() -> MachineStatus | None:
-        async with target.open() as one:
-            # it would wait for the axes, and set where they are when they come free
-            found = await one.programs(ended=False)
-            # at a pause the axes stand, and what waits for them waits on
-            standing = ("paused", "queued") if any(each.state == "paused" for each in found) else ()
-            for program in found:
-                if program.state in standing:
-                    continue
-                raise RequestRefused(
-                    "MC512",
-                    f"{program.program} of {program.client} is {program.state}: "
-                    "zero is set where the axes stand",
-                    "wait for its end, or abort it",
-                )
-            return await one.status() if probe else None
+    async def look(one: Machine) -> MachineStatus | None:
+        # it would wait for the axes, and set where they are when they come free
+        found = await one.programs(ended=False)
+        # at a pause the axes stand, and what waits for them waits on
+        standing = ("paused", "queued") if any(each.state == "paused" for each in found) else ()
+        for program in found:
+            if program.state in standing:
+                continue
+            raise RequestRefused(
+                "MC512",
+                f"{program.program} of {program.client} is {program.state}: zero is set where the axes stand",
+                "wait for its end, or abort it",
+            )
+        return await one.status() if probe else None
 
-    with errors_shown(json):
-        found = asyncio.run(look())
-        if found is not None:
+    found = target.carry_out(look, json)
+    if found is not None:
+        with errors_shown(json):
             line = probed_line(axes, system, found.probe, found.work_offsets)
     send(target, [line], at_pause=True, json=json)
