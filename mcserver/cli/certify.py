@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import datetime
-import functools
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, BinaryIO
+from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 import typer
@@ -101,7 +100,7 @@ def certify(
                 until=(now + datetime.timedelta(hours=hours)).timestamp(),
             )
             written = sign(approval, signer.certificate, signer.key)
-            write_atomically(str(output), functools.partial(_put, written))
+            write_atomically(str(output), lambda stream: stream.write(written))
     if seen.envelope is None:
         if json:
             write_json({"ok": False, "diagnostics": seen.report["diagnostics"]})
@@ -143,10 +142,6 @@ async def _ask(machine: str, endpoint: str, zenoh: Path | None, text: str, switc
     except MotionError as error:
         raise NobodyAnswers(error.code, error.message, error.hint) from error
     return msgspec.json.decode(seen.certifiable, type=Approval)
-
-
-def _put(content: bytes, stream: BinaryIO) -> None:
-    stream.write(content)
 
 
 def _show(approval: Approval, by: str, output: Path) -> None:

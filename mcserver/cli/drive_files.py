@@ -36,7 +36,7 @@ def backup(
         check_output(output, (".toml",))
         file = _taken(machine, axis)
         text = write_parameters(file).encode()
-        write_atomically(output, lambda stream: stream.writelines((text,)))
+        write_atomically(output, lambda stream: stream.write(text))
     if json:
         write_json({"ok": True, "parameters": len(file.parameters), "unread": file.unread})
     for each in file.unread:

@@ -76,7 +76,7 @@ def described(machine: str, axis: int) -> Described:
         ConfigurationError: the machine file, MC008 the EDS. UsageFault: MC559 no CiA 402 drive there.
     """
     loaded = load_machine(machine)
-    drives = {drive.axis: drive for drive in settings_of(loaded) if drive.kind == "cia402"}
+    drives = {drive.axis: drive for drive in drives_of(loaded)}
     if axis not in drives:
         shown = ", ".join(f"{each.axis} (node {each.node} on {each.bus})" for each in drives.values())
         raise UsageFault(
@@ -89,9 +89,8 @@ def described(machine: str, axis: int) -> Described:
 
 def described_drives(machine: Machine) -> Iterator[Described]:
     """Every CiA 402 drive of a machine, by axis; ConfigurationError: MC008 an EDS."""
-    for drive in settings_of(machine):
-        if drive.kind == "cia402":
-            yield _described(machine, drive)
+    for drive in drives_of(machine):
+        yield _described(machine, drive)
 
 
 def _described(machine: Machine, drive: DriveSettings) -> Described:
@@ -100,9 +99,9 @@ def _described(machine: Machine, drive: DriveSettings) -> Described:
     return Described(drive, axis, dictionary, parameters_of(dictionary, drive.node_axis))
 
 
-def drives_of(machine: str) -> list[DriveSettings]:
-    """CiA 402 drives of a machine file, by axis."""
-    return [drive for drive in settings_of(load_machine(machine)) if drive.kind == "cia402"]
+def drives_of(machine: Machine) -> list[DriveSettings]:
+    """CiA 402 drives of a machine, by axis."""
+    return [drive for drive in settings_of(machine) if drive.kind == "cia402"]
 
 
 def as_json(parameter: Parameter) -> dict[str, object]:

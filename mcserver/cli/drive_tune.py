@@ -53,7 +53,7 @@ def tune(
                 drive.axis, axis_word(loaded, axis), seconds + CHIRP_AROUND_S, cycle_s, unit, room
             )
             text = "".join(f"{line}\n" for line in lines).encode()
-            write_atomically(chirp, lambda stream: stream.writelines((text,)))
+            write_atomically(chirp, lambda stream: stream.write(text))
     if chirp:
         if json:
             write_json({"ok": True, "lines": len(lines)})

@@ -19,6 +19,7 @@ from mcserver.cli.drive_scope import scope
 from mcserver.cli.drive_tune import tune
 from mcserver.cli.drive_units import units
 from mcserver.cli.options import JsonOption, MachineOption
+from mcserver.machine.machine_file import load_machine
 
 ObjectArgument = Annotated[str, typer.Argument(metavar="OBJECT", help="6065, 6091:01, or a name of the EDS.")]
 
@@ -51,7 +52,7 @@ def list_drives(
         if axis is not None:
             _show_parameters(described(machine, axis).parameters, json)
             return
-        drives = drives_of(machine)
+        drives = drives_of(load_machine(machine))
     if json:
         names = ("axis", "bus", "address", "node", "node_axis", "eds")
         write_json(
@@ -148,9 +149,13 @@ def _show_readings(readings: Sequence[Reading], json: bool) -> None:
         write_json({"ok": True, "values": shown})
         return
     rows = [
-        (_object(each.parameter), each.parameter.name, each.kind, _value(each), each.raw[::-1].hex())
-        if each.kind not in ("str", "utf16", "bytes")
-        else (_object(each.parameter), each.parameter.name, each.kind, _value(each), "")
+        (
+            _object(each.parameter),
+            each.parameter.name,
+            each.kind,
+            str(each.value),
+            "" if each.kind in ("str", "utf16", "bytes") else each.raw[::-1].hex(),
+        )
         for each in readings
     ]
     results().print(table(("object", "name", "type", "value", "hex"), rows))
@@ -162,7 +167,3 @@ def _object(parameter: Parameter) -> str:
 
 def _limit(limit: int | None) -> str:
     return "" if limit is None else str(limit)
-
-
-def _value(reading: Reading) -> str:
-    return str(reading.value)

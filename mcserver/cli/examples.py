@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import functools
+import operator
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Annotated, BinaryIO
+from typing import Annotated
 
 import typer
 
@@ -73,13 +73,9 @@ def write_all(folder: Path, texts: dict[str, bytes]) -> dict[str, str]:
     written = {}
     for name, text in texts.items():
         file = str(folder / f"{name}.gcode")
-        write_atomically(file, functools.partial(_write, text))
+        write_atomically(file, operator.methodcaller("write", text))
         written[name] = file
     return written
-
-
-def _write(text: bytes, stream: BinaryIO) -> None:
-    stream.write(text)
 
 
 def title(program: bytes) -> str:

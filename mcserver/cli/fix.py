@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import sys
-from typing import Annotated, BinaryIO
+from typing import Annotated
 
 import typer
 
@@ -88,11 +88,7 @@ def _write(file: str, raw: bytes, before: str, after: str) -> None:
         sys.stdout.flush()
     elif after != before:
         content = (mark + after).encode()
-
-        def write(stream: BinaryIO) -> None:
-            stream.write(content)
-
-        write_atomically(file, write)
+        write_atomically(file, lambda stream: stream.write(content))
 
 
 def _show(file: str, difference: str, *, dry_run: bool) -> None:

@@ -7,10 +7,12 @@ import os
 import stat
 from collections.abc import Callable
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, TypeVar
 
 from mcserver.cli.exit_codes import OutputFault
 from mcserver.errors import ConfigurationError, UsageFault
+
+T = TypeVar("T")
 
 
 def check_output(path: str, suffixes: tuple[str, ...]) -> str:
@@ -47,10 +49,10 @@ def check_output(path: str, suffixes: tuple[str, ...]) -> str:
     return suffix
 
 
-def write_atomically(path: str, write: Callable[[BinaryIO], None]) -> None:
+def write_atomically(path: str, write: Callable[[BinaryIO], T]) -> T:
     """Write a file whole or not at all: a temporary file beside it, then a rename.
 
-    A symbolic link stays one; a device or a pipe is written directly.
+    A symbolic link stays one; a device or a pipe is written directly. Returns what ``write`` does.
 
     Raises:
         OutputFault: MC014 the disk is full or refuses; what was there before stays.
@@ -59,17 +61,17 @@ def write_atomically(path: str, write: Callable[[BinaryIO], None]) -> None:
     try:
         if _is_special(real):
             with open(real, "wb") as stream:
-                write(stream)
-            return
+                return write(stream)
         temporary = f"{real}.{os.getpid()}.part"
         try:
             with open(temporary, "xb") as stream:
-                write(stream)
+                found = write(stream)
                 stream.flush()
                 os.fsync(stream.fileno())
             if os.path.exists(real):
                 os.chmod(temporary, stat.S_IMODE(os.stat(real).st_mode))
             os.replace(temporary, real)
+            return found
         except BaseException:
             if os.path.exists(temporary):
                 os.unlink(temporary)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, BinaryIO
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from msgspec.structs import replace
@@ -104,9 +104,6 @@ def _draw(scene: Scene, output: str, suffix: str, limits: bool | None) -> None:
     else:
         from mcserver.plot.html import page_of
 
-        write_atomically(output, lambda stream: _write_text(stream, page_of(scene)))
+        page = page_of(scene).encode()
+        write_atomically(output, lambda stream: stream.write(page))
     narration().print(f"drawn: {output}")
-
-
-def _write_text(stream: BinaryIO, text: str) -> None:
-    stream.write(text.encode())

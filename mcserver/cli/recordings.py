@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, BinaryIO
+from typing import Annotated
 
 import typer
 
@@ -124,13 +124,12 @@ def export(
 
         check_output(str(target), (".mcap",))
         opened = open_recording(str(file), machine)
-        added = 0
-
-        def write(stream: BinaryIO) -> None:
-            nonlocal added
-            added = exporting.export(opened.run, opened.machine, opened.kinematics, file, stream, rate)
-
-        write_atomically(str(target), write)
+        added = write_atomically(
+            str(target),
+            lambda stream: exporting.export(
+                opened.run, opened.machine, opened.kinematics, file, stream, rate
+            ),
+        )
     if json:
         write_json({"ok": True, "output": str(target), "added": added})
         return

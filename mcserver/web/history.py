@@ -10,6 +10,7 @@ import fcntl
 import os
 import secrets
 from collections.abc import Callable, Iterable, Mapping
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -147,8 +148,6 @@ def state_row(machine: str, status: MachineStatus) -> tuple[str, Row]:
 
 def _time(unix_s: float) -> str:
     """As DuckDB reads it, in UTC to the microsecond."""
-    from datetime import UTC, datetime
-
     return datetime.fromtimestamp(unix_s, UTC).strftime("%Y-%m-%d %H:%M:%S.%f")
 
 
