@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from mcclient import sync
@@ -33,13 +34,21 @@ LIMIT_S = 400.0
 TRIES = 12
 WIDE = {"width": 1920, "height": 1080}
 
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+if TYPE_CHECKING:
+    from playwright import sync_api as playwright
+else:
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
 if CHROMIUM is None:
     pytest.skip("chromium is not installed", allow_module_level=True)
 
 
-playwright.expect.set_options(timeout=LIMIT_MS)
+Browser = playwright.Browser
+Locator = playwright.Locator
+Page = playwright.Page
+WebSocketRoute = playwright.WebSocketRoute
+expect = playwright.expect
+expect.set_options(timeout=LIMIT_MS)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -5,14 +5,8 @@ from __future__ import annotations
 import enum
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
 
-from tests.browser.conftest import LIMIT_MS, playwright
-
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Locator, Page
-else:
-    Browser = Locator = Page = Any
+from tests.browser.conftest import LIMIT_MS, Browser, Locator, Page, playwright
 
 # the least side of what is pressed [px]: WCAG 2.2, 2.5.8
 LEAST_TARGET = 24

@@ -4,21 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
 
 import pytest
 from mcclient import sync
 
-from tests.browser.conftest import LIMIT_MS, TRIES, WIDE, PageProcess, opened, playwright
+from tests.browser.conftest import LIMIT_MS, TRIES, WIDE, Page, PageProcess, expect, opened
 from tests.browser.test_machine_page import OUTLASTING, upload
 
-if TYPE_CHECKING:
-    from playwright.sync_api import Page
-else:
-    Page = Any
-
 axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed")
-expect = playwright.expect
 # what fades in or out has no contrast of its own: what is still found after so many looks stays
 LOOKS = 6
 LOOK_MS = 500

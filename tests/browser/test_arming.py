@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
 import pytest
 from mcclient import RequestRefused, sync
 
-from tests.browser.conftest import PageProcess, choose, opened, playwright
+from tests.browser.conftest import Page, PageProcess, choose, expect, opened
 from tests.e2e.servers import ServerProcess
 
-if TYPE_CHECKING:
-    from playwright.sync_api import Page
-else:
-    Page = Any
-
-expect = playwright.expect
 # the arc all but closes, which is a warning
 ARC = "G02 X0.01 Y0 I10 J0"
 TEXT = f"G1010\nG94 F6000\nG91\nG01 X20 Y10 ; <b>already armed</b>\n{ARC}\nG01 X-20 Y-10\nM30\n"

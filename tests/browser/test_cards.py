@@ -5,21 +5,22 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import pytest
 from mcclient import sync
 
-from tests.browser.conftest import WIDE, PageProcess, expect_no_overflow, opened, page_of, playwright, serving
+from tests.browser.conftest import (
+    WIDE,
+    Page,
+    PageProcess,
+    expect,
+    expect_no_overflow,
+    opened,
+    page_of,
+    serving,
+)
 from tests.browser.test_machine_page import upload, wait_for
 from tests.e2e.servers import ServerProcess
-
-if TYPE_CHECKING:
-    from playwright.sync_api import Page
-else:
-    Page = Any
-
-expect = playwright.expect
 
 URDF = """<robot name="crane">
 <link name="base"><visual><geometry><box size="0.2 0.2 0.1"/></geometry></visual></link>

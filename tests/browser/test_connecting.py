@@ -3,21 +3,14 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Any
 
 import pytest
 from mcclient import sync
 
-from tests.browser.conftest import PageProcess, opened, playwright
+from tests.browser.conftest import Page, PageProcess, WebSocketRoute, expect, opened
 from tests.browser.test_cuts import cut
 from tests.browser.test_machine_page import wait_for
 
-if TYPE_CHECKING:
-    from playwright.sync_api import Page, WebSocketRoute
-else:
-    Page = WebSocketRoute = Any
-
-expect = playwright.expect
 IS_OUT_OF_REACH = "(element) => element.closest('[inert]') !== null"
 WAITS = re.compile("^Connecting …$")
 LOST = re.compile("^No connection: ")

@@ -5,23 +5,27 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
 
 import pytest
 from mcclient import sync
 
 from mcserver.web.users import Role, add_user
-from tests.browser.conftest import LIMIT_MS, TRIES, WIDE, PageProcess, opened, page_of, playwright, press
+from tests.browser.conftest import (
+    LIMIT_MS,
+    TRIES,
+    WIDE,
+    Browser,
+    Locator,
+    Page,
+    PageProcess,
+    expect,
+    opened,
+    page_of,
+    press,
+)
 from tests.browser.test_fleet_page import log_in
 from tests.browser.test_machine_page import OUTLASTING, at_rest, held_until, stands, upload, wait_for
 from tests.e2e.servers import ServerProcess
-
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Locator, Page
-else:
-    Browser = Locator = Page = Any
-
-expect = playwright.expect
 
 
 @pytest.fixture(scope="module")

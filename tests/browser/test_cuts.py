@@ -6,20 +6,14 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from mcclient import sync
 
-from tests.browser.conftest import PageProcess, opened, page_of, playwright
+from tests.browser.conftest import Page, PageProcess, expect, opened, page_of, playwright
 from tests.browser.test_machine_page import OUTLASTING, stands, upload, wait_for
 
-if TYPE_CHECKING:
-    from playwright.sync_api import Page
-else:
-    Page = Any
-
-expect = playwright.expect
 # a radio link that has died: what is sent goes nowhere, and nobody has noticed yet
 DEAF = "() => { window.socket.io.engine.transport.ws.onmessage = () => {}; }"
 DUMB = "() => { window.socket.io.engine.transport.ws.send = () => {}; }"

@@ -10,10 +10,8 @@ from collections.abc import Iterator
 import pytest
 
 from mcserver.web.users import Role, add_user
-from tests.browser.conftest import PageProcess, page_of, playwright
+from tests.browser.conftest import PageProcess, expect, page_of, playwright
 from tests.e2e.servers import ServerProcess
-
-expect = playwright.expect
 
 
 @pytest.fixture(scope="module")

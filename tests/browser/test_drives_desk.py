@@ -6,7 +6,6 @@ import contextlib
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import pytest
 from mcclient import ProgramAborted, sync
@@ -16,8 +15,10 @@ from tests.browser.conftest import (
     LIMIT_MS,
     TRIES,
     WIDE,
+    Page,
     PageProcess,
     choose,
+    expect,
     expect_no_overflow,
     page_of,
     playwright,
@@ -28,12 +29,6 @@ from tests.e2e.servers import ROOT
 from tests.e2e_can.cell import Cell, running
 from tests.e2e_can.machines import Raw, buses, in_mode, slides
 
-if TYPE_CHECKING:
-    from playwright.sync_api import Page
-else:
-    Page = Any
-
-expect = playwright.expect
 SHIPPED_EDS = ROOT / "mcserver" / "drive_sim" / "cia402.eds"
 MAKERS = 1800
 # a busy computer stops a process for seconds; a browser's tests are not about that

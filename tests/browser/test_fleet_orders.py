@@ -3,21 +3,13 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Any
 
 import pytest
 from mcclient import sync
 
-from tests.browser.conftest import PageProcess, opened, playwright, press
+from tests.browser.conftest import Page, PageProcess, expect, opened, press
 from tests.browser.test_machine_page import stands, wait_for
 from tests.web.test_thumbnails import block, png
-
-if TYPE_CHECKING:
-    from playwright.sync_api import Page
-else:
-    Page = Any
-
-expect = playwright.expect
 
 
 @pytest.fixture

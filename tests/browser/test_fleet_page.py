@@ -6,7 +6,6 @@ import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import msgspec
 import pytest
@@ -14,14 +13,8 @@ import zenoh
 
 from mcserver.service.reports import AxesStatus, MachineStatus
 from mcserver.web.users import Role, add_user
-from tests.browser.conftest import PageProcess, expect_no_overflow, page_of, playwright
+from tests.browser.conftest import Page, PageProcess, expect, expect_no_overflow, page_of
 
-if TYPE_CHECKING:
-    from playwright.sync_api import Page
-else:
-    Page = Any
-
-expect = playwright.expect
 MACHINES = 20
 
 

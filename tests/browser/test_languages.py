@@ -4,18 +4,11 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from tests.browser.conftest import LIMIT_MS, WIDE, PageProcess, opened, playwright
+from tests.browser.conftest import LIMIT_MS, WIDE, Browser, Page, PageProcess, expect, opened, playwright
 
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
-else:
-    Browser = Page = Any
-
-expect = playwright.expect
 WIDTHS = (360, 768, 1920)
 # what is wider than the page, or has more text than room for it
 TOO_WIDE = """() => {

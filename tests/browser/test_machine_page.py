@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from mcclient import MachineStatus, sync
@@ -13,19 +13,14 @@ from tests.browser.conftest import (
     LIMIT_MS,
     LIMIT_S,
     TRIES,
+    Page,
     PageProcess,
+    expect,
     expect_no_overflow,
     opened,
     page_of,
-    playwright,
 )
 
-if TYPE_CHECKING:
-    from playwright.sync_api import Page
-else:
-    Page = Any
-
-expect = playwright.expect
 LOOK_MS = 25
 LOOKS = LIMIT_MS // LOOK_MS
 # a minute at 10 %, with room for a browser on a busy computer

@@ -5,20 +5,13 @@ from __future__ import annotations
 import os
 import re
 import signal
-from typing import TYPE_CHECKING, Any
 
 import pytest
 from mcclient import sync
 
-from tests.browser.conftest import PageProcess, choose, opened, playwright
+from tests.browser.conftest import Page, PageProcess, choose, expect, opened
 from tests.browser.test_machine_page import LONG, at_rest, held_until, stands, upload, wait_for
 
-if TYPE_CHECKING:
-    from playwright.sync_api import Page
-else:
-    Page = Any
-
-expect = playwright.expect
 # at a call of some ms each, this is far more than any dead man's time
 MOST_LOOKS = 20_000
 

@@ -4,23 +4,15 @@ from __future__ import annotations
 
 import io
 import re
-from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from mcclient import sync
 
-from tests.browser.conftest import PageProcess, opened, playwright, press
+from tests.browser.conftest import Locator, Page, PageProcess, expect, opened, press
 from tests.browser.test_machine_page import upload
 from tests.web.test_thumbnails import block, png
-
-if TYPE_CHECKING:
-    from playwright.sync_api import Locator, Page
-else:
-    Locator = Page = Any
-
-expect = playwright.expect
 
 
 @pytest.mark.usefixtures("machine")

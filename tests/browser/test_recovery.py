@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.browser.conftest import PageProcess, opened, page_of, playwright
+from tests.browser.conftest import PageProcess, expect, opened, page_of, playwright
 from tests.e2e.broken_off import killed_in_line_6, mill, stands_at_the_end
 from tests.e2e.servers import ServerProcess
 
@@ -32,7 +32,6 @@ def test_a_program_goes_on_by_the_page_after_the_server_was_killed(
 ) -> None:
     killed_in_line_6(own_server)
     opened(page, own_site, "mill")
-    expect = playwright.expect
     card = page.get_by_role("region", name="Broken off")
     expect(card).to_contain_text("part.nc was interrupted at line 6")
     card.get_by_role("button", name="Continue at line 6…").click()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,16 +12,9 @@ from mcclient import sync
 from mckinematics.solver import MachineKinematics
 
 from mcserver.machine.machine_file import load_machine
-from tests.browser.conftest import PageProcess, choose, expect_no_overflow, opened, page_of, playwright
+from tests.browser.conftest import Page, PageProcess, choose, expect, expect_no_overflow, opened, page_of
 from tests.browser.test_machine_page import at_rest, held_until, wait_for
 from tests.e2e.servers import ServerProcess
-
-if TYPE_CHECKING:
-    from playwright.sync_api import Page
-else:
-    Page = Any
-
-expect = playwright.expect
 
 
 @pytest.fixture(scope="module")

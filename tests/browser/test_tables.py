@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
 
 import pytest
 from mcclient import sync
@@ -11,25 +10,19 @@ from mcclient.types import WorkOffset
 
 from tests.browser.conftest import (
     WIDE,
+    Page,
     PageProcess,
     choose,
+    expect,
     expect_no_overflow,
     opened,
     page_of,
-    playwright,
     press,
     serving,
 )
 from tests.browser.test_cuts import DUMB, cut
 from tests.browser.test_machine_page import wait_for
 from tests.e2e.servers import ServerProcess
-
-if TYPE_CHECKING:
-    from playwright.sync_api import Page
-else:
-    Page = Any
-
-expect = playwright.expect
 
 MILL = (
     '[machine]\nname = "mill"\ncycle_hz = 250\n[dialect]\nprofile = "cnc"\n'

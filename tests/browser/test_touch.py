@@ -3,20 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
 
 import pytest
 from mcclient import sync
 
-from tests.browser.conftest import LIMIT_MS, TRIES, WIDE, PageProcess, opened, playwright
+from tests.browser.conftest import LIMIT_MS, TRIES, WIDE, Browser, Page, PageProcess, expect, opened
 from tests.browser.test_machine_page import LOOK_MS, at_rest, wait_for
-
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
-else:
-    Browser = Page = Any
-
-expect = playwright.expect
 
 
 @pytest.fixture(scope="module")

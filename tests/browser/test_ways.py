@@ -8,21 +8,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
 
 import pytest
 from mcclient import sync
 
-from tests.browser.conftest import PageProcess, expect_no_overflow, opened, playwright
+from tests.browser.conftest import Browser, PageProcess, expect, expect_no_overflow, opened
 from tests.browser.operator import Operator, Way, seat
 from tests.browser.test_machine_page import stands, upload, wait_for
 
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser
-else:
-    Browser = Any
-
-expect = playwright.expect
 # what no other test of this folder does
 SAMPLE = [(Way.TOUCH, 360), (Way.KEYBOARD, 360), (Way.TOUCH, 768), (Way.KEYBOARD, 1920)]
 
