@@ -31,7 +31,8 @@ def ending(
     if state == "finished":
         return None
     if state == "faulted":
-        return faulted(fault or Fault("MC400", "a fault of the machine ended the program"), extent)
+        fault = fault or Fault("MC400", "a fault of the machine ended the program")
+        return ProgramFaulted(fault, **extent._asdict())
     if state == "rejected":
         return rejected(diagnostics[0].line if diagnostics else extent.accepted + 1, extent, diagnostics)
     if state == "interrupted":
@@ -43,10 +44,6 @@ def ending(
         "once the machine is clear, open another one with machine.program()",
         **extent._asdict(),
     )
-
-
-def faulted(fault: Fault, extent: Extent) -> ProgramFaulted:
-    return ProgramFaulted(fault, **extent._asdict())
 
 
 def rejected(line: int, extent: Extent, diagnostics: tuple[Diagnostic, ...]) -> ProgramRejected:

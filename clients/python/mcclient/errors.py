@@ -124,11 +124,10 @@ class ProgramError(MotionError):
         program: str,
         accepted: int,
         done: int,
-        details: Mapping[str, Any] | None = None,
         diagnostics: Sequence[Diagnostic] = (),
         line: int = 0,
     ) -> None:
-        super().__init__(code, message, hint, details=details, diagnostics=diagnostics, line=line)
+        super().__init__(code, message, hint, diagnostics=diagnostics, line=line)
         self.program = program
         self.accepted = accepted
         self.done = done
