@@ -44,7 +44,7 @@ BROWSER_TEXTS = (
     mark("Choose a file"),
     mark("loading"),
     mark("This browser draws no 3-D pictures (WebGL)."),
-    mark("It is not certain that this was done: {what}"),
+    mark("It is not certain that this arrived: {what}"),
     mark("close"),
     mark("Connecting …"),
     mark("No connection: what you write stays and is sent later; only stops can be pressed"),

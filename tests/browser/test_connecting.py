@@ -78,4 +78,4 @@ def test_a_text_that_a_page_loaded_anew_cannot_bring_back_is_named(page: Page, s
         page.context.set_offline(False)
         page.reload()
         page.evaluate("window.whole = 1")
-    expect(page.get_by_text("It is not certain that this was done: Name mine", exact=True)).to_be_visible()
+    expect(page.get_by_text("It is not certain that this arrived: Name mine", exact=True)).to_be_visible()

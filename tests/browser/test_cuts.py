@@ -185,7 +185,7 @@ def test_a_line_on_its_way_to_a_page_process_that_dies_is_named_as_uncertain_and
     port = mortal.url.rstrip("/").rpartition(":")[2]
     with page_of(server.endpoint, tmp_path, "--port", port):
         # the name may have got through
-        named = re.compile(r"^It is not certain that this was done: (Name typed, )?G-code line G91 G0 X9$")
+        named = re.compile(r"^It is not certain that this arrived: (Name typed, )?G-code line G91 G0 X9$")
         expect(page.get_by_text(named)).to_be_visible()
         expect(page.get_by_role("status")).to_have_text("ready")
         expect(page.get_by_label("G-code line")).to_have_value("G04 P0.2")

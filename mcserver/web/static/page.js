@@ -178,7 +178,7 @@
     const lost = sessionStorage.getItem(UNCERTAIN);
     sessionStorage.removeItem(UNCERTAIN);
     if (lost) {
-      const message = window.mcTexts["It is not certain that this was done: {what}"].replace("{what}", () => lost);
+      const message = window.mcTexts["It is not certain that this arrived: {what}"].replace("{what}", () => lost);
       const closeBtn = window.mcTexts["close"];
       Quasar.Notify.create({ message, closeBtn, type: "warning", position: "bottom", timeout: 0 });
     }
