@@ -12,7 +12,6 @@ from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.gcode.computing.expansion import Expansion
 from mcserver.gcode.computing.machine_values import Source
 from mcserver.gcode.computing.macro_expansion import expansion_of
-from mcserver.gcode.lost_planes import LostPlanes
 from mcserver.gcode.profiles.codes import CONSEQUENCES, LATHE, SPINDLE
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.interpreter import Interpreter
@@ -151,9 +150,6 @@ def _check_line(interpreter: Interpreter, expansion: Expansion, parsed: ParsedLi
         survey.value(capture)
     faults, values = interpreter.check_line(parsed)
     expansion.interpreted(values)
-    frame = interpreter.frame
-    tilted = frame is not None and frame.plane is not None
-    faults = survey.planes.unrelated(_COMMENTS.sub("", parsed.text).upper(), faults, tilted=tilted)
     survey.faults(faults if parsed.origin is None else survey.unreported(faults))
     if parsed.profile is not None:
         survey.profile_words(parsed.profile, parsed.number)
@@ -169,13 +165,12 @@ class _Survey:
     """Findings of a check: faults by line, and those reported once for the whole program.
 
     Attributes:
-        empty: the file has no code. planes: suppresses faults that follow from refused tilted planes.
+        empty: the file has no code.
     """
 
     def __init__(self, machine: Machine, at_rest: bool) -> None:
         self._at_rest = at_rest
         self.empty = False
-        self.planes = LostPlanes()
         self._dialect = machine.dialect
         self._lasers = frozenset(at for at, each in enumerate(machine.outputs) if each.laser)
         self._found: list[Diagnostic] = []

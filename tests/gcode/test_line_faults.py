@@ -265,7 +265,7 @@ def test_a_byte_order_mark_inside_code_is_named() -> None:
 @pytest.mark.timeout(20)
 def test_long_lines_take_linear_time(text: str) -> None:
     """A reading that is quadratic in any of these takes minutes; the marker ends it."""
-    Interpreter(CARTESIAN).check(scan_line(text, 1))
+    Interpreter(CARTESIAN).check_line(scan_line(text, 1))
 
 
 GOOD = [
@@ -282,7 +282,7 @@ WORDS = st.sampled_from([*GOOD, *BAD, " ", "\t"])
 )
 def test_any_text_is_read_or_refused_with_columns_inside_it(text: str) -> None:
     line = text.replace("\n", " ")
-    for fault in Interpreter(CARTESIAN).check(scan_line(line, 7)):
+    for fault in Interpreter(CARTESIAN).check_line(scan_line(line, 7))[0]:
         assert fault.code in TITLES
         assert fault.line == 7
         assert 1 <= fault.column < fault.end_column <= len(line) + 1

@@ -21,6 +21,7 @@ from mcserver.gcode.profiles.codes import (
     SILENT,
     SPINDLE,
     TAKES_AXES,
+    TILTING,
     acting_of,
     code_name,
     settings_of,
@@ -146,10 +147,11 @@ class WordSorter:
             else:
                 own.append(word)
         loose += as_axis_words(polar, codes, loose, machine_frame, faults)
+        tilting = TILTING & {code_name(word.letter, word.value) for word in words if word.letter == "G"}
         if faults.found:
             # only report the fault found: keep what sets modal state, drop the words that depended on it
             known = [*settings, *feeds, *(motions + loose if compensated and motions else [])]
-            return known, ProfileWords(ignored=tuple(ignored))
+            return known, ProfileWords(ignored=tuple(ignored), tilting=tilting)
         taken = self._io_words(codes, own, loose, faults)
         self._one_motion(codes, motions, machine_frame, faults)
         repeated = not (motions or taken) and self._repeats_cycle(codes, own, loose)
@@ -172,7 +174,7 @@ class WordSorter:
             if code_name(word.letter, word.value) == "G64":
                 ordered += tolerances[:1]
         ordered += [*feeds, *motions, *loose, *stops]
-        return ordered, ProfileWords(tuple(actions), machine_frame, tuple(ignored), bool(polar))
+        return ordered, ProfileWords(tuple(actions), machine_frame, tuple(ignored), bool(polar), tilting)
 
     def _io_words(
         self, codes: list[Word], own: list[Word], loose: list[Word], faults: FaultList

@@ -112,6 +112,11 @@ class BlockState:
         self.feed_length = 0.0
 
     @property
+    def faulty(self) -> bool:
+        """Whether the line has a fault so far, and not only warnings."""
+        return any(fault.severity == "error" for fault in (*self.parsed.faults, *self.faults.found))
+
+    @property
     def path_tolerance(self) -> float:
         """Path tolerance in force for corners [m]."""
         return self.setup.machine.corner_tolerance(self.modal.tolerance)

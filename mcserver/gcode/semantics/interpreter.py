@@ -197,11 +197,12 @@ class Interpreter:
         Raises:
             ProgramRejected: with every fault of the line; the state is as before it (D-04).
         """
-        if self._ended:
+        if self._ended or _idle(parsed):
             return []
-        if _idle(parsed):
-            return []
-        return self._interpret_block(parsed)
+        interpreted, values = self._read(parsed)
+        faults_of(interpreted.block).raise_if_any()
+        self._commit(interpreted)
+        return values
 
     def interpret_text(self, text: str, number: int) -> list[Canonical]:
         """Parse and interpret one line.
@@ -301,28 +302,18 @@ class Interpreter:
         self._frame = found.modal.frame or self._frame
         return found
 
-    def _interpret_block(self, parsed: ParsedLine) -> list[Canonical]:
-        interpreted, values = self._read(parsed)
-        faults_of(interpreted.block).raise_if_any()
-        self._commit(interpreted)
-        return values
-
-    def check(self, parsed: ParsedLine) -> tuple[Diagnostic, ...]:
-        """Return all faults of the line, and continue from the best guess of its meaning; for checks only."""
-        return self.check_line(parsed)[0]
-
     def check_line(self, parsed: ParsedLine) -> tuple[tuple[Diagnostic, ...], Sequence[Canonical]]:
         """Return all faults of the line, and its values as far as known; continue from the best guess.
 
         For checks only.
         """
-        if self._ended:
+        if self._ended or _idle(parsed):
             return (), ()
-        if _idle(parsed):
-            return (), ()
+        plane_lost = self._commanded.plane_lost
         interpreted, values = self._read(parsed)
         self._commit(interpreted)
-        return faults_of(interpreted.block).in_reading_order(), values
+        found = faults_of(interpreted.block).in_reading_order()
+        return tuple(each for each in found if not (plane_lost and each.code == "MC201")), values
 
     def _read(self, parsed: ParsedLine) -> tuple[BlockInterpreter, list[Canonical]]:
         if counts_diameters(parsed, self._modal.diameter):
