@@ -149,7 +149,7 @@ def _check_line(interpreter: Interpreter, expansion: Expansion, parsed: ParsedLi
     if capture is not None:
         survey.value(capture)
     faults, values = interpreter.check_line(parsed)
-    expansion.interpreted(values)
+    expansion.measured.interpreted(values)
     survey.faults(faults if parsed.origin is None else survey.unreported(faults))
     if parsed.profile is not None:
         survey.profile_words(parsed.profile, parsed.number)
