@@ -14,13 +14,7 @@ from mcserver.gcode.profiles.nurbs import read_control_line
 from mcserver.gcode.profiles.surface_speed import follow_zero, part_by_turns
 from mcserver.gcode.profiles.transforming import read_polar_line, refuse_beside
 from mcserver.gcode.semantics.arcs import command_number
-from mcserver.gcode.semantics.axis_words import (
-    Words,
-    apply_feed_word,
-    apply_setting_item,
-    apply_tool_word,
-    read_words,
-)
+from mcserver.gcode.semantics.axis_words import Words, read_words
 from mcserver.gcode.semantics.block_state import ASSUMED_TOOL, BlockState
 from mcserver.gcode.semantics.feed_time import FeedMove, feed_group
 from mcserver.gcode.semantics.holding_torque import check_holding
@@ -168,7 +162,7 @@ class BlockInterpreter:
         spec = command.spec
         kind = None if spec is None else spec.kind
         if spec is None and not command.moves:
-            self._settings(command)
+            read_words(self.block, command)
         elif spec is None or kind is Kind.MOVE:
             self._move(command, feed_moves)
         elif kind is Kind.DIRECT:
@@ -195,15 +189,6 @@ class BlockInterpreter:
     ) -> None:
         check_holding(self.block, command, curves, start)
         check_window(self.block, command, curves, start)
-
-    def _settings(self, command: Command) -> None:
-        for item in command.items:
-            if not isinstance(item, Word):
-                apply_setting_item(self.block, item)
-            elif item.letter == "F":
-                apply_feed_word(self.block, item)
-            elif item.letter == "T":
-                apply_tool_word(self.block, item)
 
     def _move(self, command: Command, feed_moves: list[FeedMove]) -> None:
         block = self.block

@@ -6,7 +6,6 @@ from copy import copy
 
 from mcserver.errors import Diagnostic, Edit
 from mcserver.gcode.line_faults import FaultList, Origin, Span
-from mcserver.gcode.text.command_table import CommandSpec
 from mcserver.gcode.text.grammar import group_commands
 from mcserver.gcode.text.profile_words import ProfileWords
 from mcserver.gcode.text.scanner import Scan, Token, scan, token_spans
@@ -162,6 +161,3 @@ def scan_line(text: str, number: int) -> ParsedLine:
     parsed = ParsedLine(number, text, scanned)
     parsed.analyse(faults)
     return parsed
-
-
-__all__ = ["Command", "CommandSpec", "Group", "ParsedLine", "Word", "scan_line"]

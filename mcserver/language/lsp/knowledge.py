@@ -211,6 +211,3 @@ def _axis_words(start: int, machine: Machine, taken: set[str]) -> Iterator[Sugge
             yield Suggestion(
                 name, f"axis {axis.index}, {axis.type.value}", describe_word(entry, machine, name), start
             )
-
-
-__all__ = ["Suggestion", "WordAt", "complete", "describe_code", "describe_word", "hover"]
