@@ -17,13 +17,12 @@ from mcserver.gcode.semantics.arcs import command_number
 from mcserver.gcode.semantics.axis_words import Words, read_words
 from mcserver.gcode.semantics.block_state import ASSUMED_TOOL, BlockState
 from mcserver.gcode.semantics.feed_time import FeedMove, feed_group
-from mcserver.gcode.semantics.holding_torque import check_holding
 from mcserver.gcode.semantics.modal import Feed, initial_modal
 from mcserver.gcode.semantics.moves import arc, line, rapid, transmit_speed, transmit_torque
+from mcserver.gcode.semantics.path_checks import check_holding, check_window
 from mcserver.gcode.semantics.tilted_planes import check_plane, lose_plane
 from mcserver.gcode.semantics.tip_moves import refuse_beside_tip, tip_feed_move, tip_rapid
 from mcserver.gcode.semantics.tool_moves import tool_feed_move, tool_rapid
-from mcserver.gcode.semantics.tool_window import check_window
 from mcserver.gcode.text.command_table import Kind
 from mcserver.gcode.text.profile_words import Action, ProfileWord, ProfileWords
 from mcserver.gcode.text.syntax import Command, Group, Setting

@@ -169,16 +169,9 @@ class Interpreter:
         points = self._modal.control_points
         if points is not None:
             self._modal = msgspec.structs.replace(self._modal, control_points=None)
-            raise ProgramRejected(
-                [
-                    Diagnostic(
-                        code="MC189",
-                        line=points.line,
-                        message="no G5.3 ends the curve that begins here",
-                        hint="write G5.3 behind its last control point",
-                    )
-                ]
-            )
+            message = "no G5.3 ends the curve that begins here"
+            hint = "write G5.3 behind its last control point"
+            raise ProgramRejected([Diagnostic("MC189", message, points.line, hint=hint)])
 
     def finish(self) -> list[Canonical]:
         """Return the move held back at the end of a text without M2, and what follows it."""
