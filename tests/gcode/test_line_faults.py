@@ -171,6 +171,16 @@ def test_these_lines_have_no_fault(text: str) -> None:
     assert faults(text) == []
 
 
+def test_a_simple_line_has_groups_and_columns_too() -> None:
+    parsed = scan_line("\tG01  X1 Y-2", 4)
+    (group,) = parsed.groups
+    (command,) = group
+    assert command.spec is not None
+    assert command.spec.name == "G01"
+    assert parsed.command_span(command) == (2, 13)
+    assert [parsed.span(word.index) for word in command.items] == [(7, 9), (10, 13)]
+
+
 def test_columns_count_code_points_and_tabs_as_one() -> None:
     assert faults("\t(\U0001f600é)\tX--1") == [("MC102", 7, 11)]
 
