@@ -46,10 +46,9 @@ from mcserver.gcode.profiles.transforming import end_transformation, transform
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.modal import apply_setting
 from mcserver.gcode.semantics.program_places import axis_values, ends_of, given_by, stored_end
-from mcserver.gcode.semantics.program_units import motor_rpm, shown_number
 from mcserver.gcode.semantics.rapids import rapid_group
 from mcserver.gcode.semantics.tilted_planes import end_plane, face, tilt
-from mcserver.gcode.semantics.travel_limits import ROUNDING
+from mcserver.gcode.semantics.travel_limits import ROUNDING, check_speed
 from mcserver.gcode.text.profile_words import Action, ProfileWord
 from mcserver.machine.work_systems import SYSTEM_NUMBERS
 from mcserver.motion.canonical import (
@@ -295,15 +294,8 @@ def _turn_spindle(block: BlockState, began: Frame, actions: tuple[Action, ...], 
         return
     group = spindle_group(block, frame, axis)
     (speed,) = group.velocities
-    if abs(speed) > axis.max_velocity * (1.0 + 1e-9):
-        most = motor_rpm(axis.max_velocity, axis.travel_per_motor_turn)
-        block.faults.add(
-            "MC202",
-            f"S{frame.spindle_rpm:g} drives the spindle, axis {index}, beyond its max_velocity",
-            place.span,
-            f"its motor may turn at {shown_number(most)} RPM at most",
-            axis=index,
-        )
+    what = f"S{frame.spindle_rpm:g} drives the spindle, axis {index},"
+    check_speed(block, axis, speed, what, place)
     block.commanded.invalidate((index,))
     starts = {action.code for action in actions} & {"M3", "M4"} - block.setup.machine.dialect.waits.keys()
     (before,) = spindle_group(block, began, axis).velocities

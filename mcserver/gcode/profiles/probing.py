@@ -78,9 +78,7 @@ def straight_targets(block: BlockState, action: Action, rotary: str) -> dict[int
             block.faults.add("MC138", what, word.span, "use axes whose drives have csp or ip")
             return None
         if word.axis in named:
-            block.faults.add(
-                "MC111", f"{word.letter} stands twice in one command", word.span, "keep one of them"
-            )
+            block.refuse_twice(word)
             return None
         named[word.axis] = word
     found = ends_of(block, given_by(block, named), action)

@@ -20,7 +20,7 @@ from mcserver.gcode.semantics.feed_time import FeedMove, feed_group
 from mcserver.gcode.semantics.modal import Feed, initial_modal
 from mcserver.gcode.semantics.moves import arc, line, rapid, transmit_speed, transmit_torque
 from mcserver.gcode.semantics.path_checks import check_holding, check_window
-from mcserver.gcode.semantics.tilted_planes import check_plane, lose_plane
+from mcserver.gcode.semantics.tilted_planes import check_plane
 from mcserver.gcode.semantics.tip_moves import refuse_beside_tip, tip_feed_move, tip_rapid
 from mcserver.gcode.semantics.tool_moves import tool_feed_move, tool_rapid
 from mcserver.gcode.text.command_table import Kind
@@ -65,8 +65,6 @@ class BlockInterpreter:
             self._read_groups()
         if self.block.modal.frame is not None and self.block.modal.frame.plane is not None:
             check_plane(self.block, before, self.before + self.after, self.groups)
-        if profile is not None and profile.tilting and self.block.faulty:
-            lose_plane(self.block, profile.tilting)
         if self.ended:
             self.after += act_at_end(self.block)
             self.block.modal = initial_modal(self.block.setup.machine)

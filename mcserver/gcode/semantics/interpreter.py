@@ -24,6 +24,7 @@ from mcserver.gcode.semantics.compensation_state import Compensation
 from mcserver.gcode.semantics.modal import INITIAL, ModalState, initial_modal, with_tables
 from mcserver.gcode.semantics.position_sync import find_axes_to_sync
 from mcserver.gcode.semantics.program_bodies import read_bodies
+from mcserver.gcode.semantics.tilted_planes import lose_plane
 from mcserver.gcode.semantics.tip_moves import tip_coordinates
 from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.gcode.text.command_table import Kind
@@ -319,6 +320,8 @@ class Interpreter:
         values = interpreted.values
         if block.compensation is not None:
             values = compensate(block, self._modal, self._commanded.path_starts(), values)
+        if parsed.profile is not None and parsed.profile.tilting and block.faulty:
+            lose_plane(block, parsed.profile.tilting)
         return interpreted, values
 
     def _commit(self, interpreted: BlockInterpreter) -> None:

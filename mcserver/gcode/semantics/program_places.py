@@ -90,9 +90,7 @@ def axis_values(block: BlockState, action: Action) -> dict[int, float]:
         if axis is None:
             block.refuse_missing_axis(word.axis, word)
         elif word.axis in found:
-            block.faults.add(
-                "MC111", f"{word.letter} stands twice in one command", word.span, "keep one of them"
-            )
+            block.refuse_twice(word)
         else:
             found[word.axis] = word.value * axis_scale(axis.type, block.modal.inch)
     return found
