@@ -22,9 +22,8 @@ from mcserver.cli.program_file import STDIN, read_program, shown_name
 from mcserver.cli.rejection import count_faults
 from mcserver.gcode.program_check import check_program
 from mcserver.gcode.text.source import BOM, decode, split_lines
-from mcserver.language.fix import fix_program
+from mcserver.language.fix import fix_program, lines_with_ends
 from mcserver.language.format import format_program
-from mcserver.language.source_lines import lines_with_ends
 from mcserver.machine.machine_file import load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
 

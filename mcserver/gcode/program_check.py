@@ -12,7 +12,6 @@ from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.gcode.computing.expansion import Expansion
 from mcserver.gcode.computing.machine_values import Source
 from mcserver.gcode.computing.macro_expansion import expansion_of
-from mcserver.gcode.lost_planes import LostPlanes
 from mcserver.gcode.profiles.codes import CONSEQUENCES, LATHE, SPINDLE
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.interpreter import Interpreter
@@ -150,10 +149,7 @@ def _check_line(interpreter: Interpreter, expansion: Expansion, parsed: ParsedLi
     if capture is not None:
         survey.value(capture)
     faults, values = interpreter.check_line(parsed)
-    expansion.interpreted(values)
-    frame = interpreter.frame
-    tilted = frame is not None and frame.plane is not None
-    faults = survey.planes.unrelated(_COMMENTS.sub("", parsed.text).upper(), faults, tilted=tilted)
+    expansion.measured.interpreted(values)
     survey.faults(faults if parsed.origin is None else survey.unreported(faults))
     if parsed.profile is not None:
         survey.profile_words(parsed.profile, parsed.number)
@@ -169,13 +165,12 @@ class _Survey:
     """Findings of a check: faults by line, and those reported once for the whole program.
 
     Attributes:
-        empty: the file has no code. planes: suppresses faults that follow from refused tilted planes.
+        empty: the file has no code.
     """
 
     def __init__(self, machine: Machine, at_rest: bool) -> None:
         self._at_rest = at_rest
         self.empty = False
-        self.planes = LostPlanes()
         self._dialect = machine.dialect
         self._lasers = frozenset(at for at, each in enumerate(machine.outputs) if each.laser)
         self._found: list[Diagnostic] = []
@@ -235,14 +230,9 @@ class _Survey:
             return
         if fault.message.partition(":")[0] in LATHE and not self._turning:
             self._turning = True
-            self._found.append(
-                Diagnostic(
-                    code="MC147",
-                    line=fault.line,
-                    message="this is a program for a lathe, which this machine's profile does not read",
-                    hint="G50, G71, X in diameters and G99 mean something else here",
-                )
-            )
+            message = "this is a program for a lathe, which this machine's profile does not read"
+            hint = "G50, G71, X in diameters and G99 mean something else here"
+            self._found.append(Diagnostic("MC147", message, fault.line, hint=hint))
             first += 1
             self._refusals[fault.message] = first, 1
         self._found.append(fault)
@@ -278,15 +268,8 @@ class _Survey:
         seconds = word.value * self._dialect.dwell_unit
         if self._dialect.dwell_unit < 1.0 or seconds < LONG_WAIT or len(self._warnings) >= MOST_FAULTS:
             return
-        self._warnings.append(
-            Diagnostic(
-                code="MC129",
-                severity="warning",
-                line=line,
-                message=f"G4 P{word.text} waits {seconds:g} s",
-                hint='if its post writes milliseconds, say so in the machine file: [dialect] dwell = "ms"',
-            )
-        )
+        hint = 'if its post writes milliseconds, say so in the machine file: [dialect] dwell = "ms"'
+        self._warnings.append(_warning("MC129", f"G4 P{word.text} waits {seconds:g} s", line, hint))
 
     def _follow_beam(self, codes: set[str], line: int) -> None:
         """Count changes of S at which motion stops while an output that follows S is on (D-73).
@@ -349,73 +332,41 @@ class _Survey:
                 self._found[index] = msgspec.structs.replace(fault, message=f"{message} ({count} lines)")
         said = list(self._warnings)
         if not self.room:
-            said.append(
-                Diagnostic(
-                    code="MC158",
-                    line=last,
-                    message=f"the check ends here, with {len(self._found)} faults",
-                    hint="is it a file for this machine? See the profile of its dialect",
-                )
-            )
+            message = f"the check ends here, with {len(self._found)} faults"
+            hint = "is it a file for this machine? See the profile of its dialect"
+            said.append(Diagnostic("MC158", message, last, hint=hint))
         if self._loose is not None and self._at_rest and not self._found:
             line, axes = self._loose
             names = ", ".join(str(axis) for axis in axes)
-            said.append(
-                Diagnostic(
-                    code="MC144",
-                    severity="warning",
-                    line=line,
-                    message=f"nothing before this move energizes {'axes' if axes[1:] else 'axis'} {names}",
-                    hint='write G1010 ahead of it, or set [dialect] capture = "auto" in the machine file',
-                    axis=axes[0],
-                )
-            )
+            message = f"nothing before this move energizes {'axes' if axes[1:] else 'axis'} {names}"
+            hint = 'write G1010 ahead of it, or set [dialect] capture = "auto" in the machine file'
+            said.append(_warning("MC144", message, line, hint, axes[0]))
         if self.empty and self._at_rest and not self._found:
-            said.append(
-                Diagnostic(
-                    code="MC157",
-                    severity="warning",
-                    line=1,
-                    message="the file has no code: nothing would run",
-                    hint="is it the right file?",
-                )
-            )
+            message = "the file has no code: nothing would run"
+            said.append(_warning("MC157", message, 1, "is it the right file?"))
         if self._first_tool is not None and self._first_tool[1] > 0:
             line, tool = self._first_tool
-            said.append(
-                Diagnostic(
-                    code="MC154",
-                    severity="warning",
-                    line=line,
-                    message=f"the program begins with tool {tool}, which counts as fitted: no pause here",
-                    hint='fit it before the start, or let M6 ask: [dialect] tool_change = "ask"',
-                )
-            )
+            message = f"the program begins with tool {tool}, which counts as fitted: no pause here"
+            hint = 'fit it before the start, or let M6 ask: [dialect] tool_change = "ask"'
+            said.append(_warning("MC154", message, line, hint))
         line, changes = self._beam_changes
         if changes >= CHANGES_OF_A_BEAM:
             said.append(
-                Diagnostic(
-                    code="MC148",
-                    severity="warning",
-                    line=line,
-                    message=f"S changes on {changes} lines while M3 or M4 is on: the motion stops at each, "
-                    "with the output on, and G00 does not switch it off",
-                    hint="right for a spindle; a laser burns there: give its [[output]] in the machine file "
+                _warning(
+                    "MC148",
+                    f"S changes on {changes} lines while M3 or M4 is on: the motion stops at each, with the "
+                    "output on, and G00 does not switch it off",
+                    line,
+                    "right for a spindle; a laser burns there: give its [[output]] in the machine file "
                     "laser = true. M67 E Q changes an output without a stop",
                 )
             )
         if self._without_effect:
             first = min(line for line, _ in self._without_effect.values())
             counted = (f"{code} ({count})" for code, (_, count) in sorted(self._without_effect.items()))
-            said.append(
-                Diagnostic(
-                    code="MC142",
-                    severity="warning",
-                    line=first,
-                    message=f"accepted without effect on this machine: {', '.join(counted)}",
-                    hint="; ".join(["the numbers in brackets count their lines", *self._consequences()]),
-                )
-            )
+            message = f"accepted without effect on this machine: {', '.join(counted)}"
+            hint = "; ".join(["the numbers in brackets count their lines", *self._consequences()])
+            said.append(_warning("MC142", message, first, hint))
         found = self._of_turning() if self._turning else self._found
         return sorted([*found, *said], key=lambda each: each.line) if said else found
 
@@ -442,21 +393,16 @@ class _Survey:
         ]
 
 
+def _warning(code: str, message: str, line: int, hint: str, axis: int | None = None) -> Diagnostic:
+    return Diagnostic(code, message, line, hint=hint, severity="warning", axis=axis)
+
+
 def _follows_speed(settings: tuple[CodeOutput, ...], but: frozenset[int] = frozenset()) -> bool:
     return any(each.value is None and each.column not in but for each in settings)
 
 
 def _warnings_of(assumed: Mapping[str, int]) -> list[Diagnostic]:
     """Return warnings for the values that a check assumed (MC166)."""
-    return [
-        Diagnostic(
-            code="MC166",
-            severity="warning",
-            line=line,
-            column=0,
-            end_column=0,
-            message=f"what the program does depends on what it measures; this check assumes: {what}",
-            hint="as it runs, or is simulated, it may take another way",
-        )
-        for what, line in assumed.items()
-    ]
+    said = "what the program does depends on what it measures; this check assumes:"
+    hint = "as it runs, or is simulated, it may take another way"
+    return [_warning("MC166", f"{said} {what}", line, hint) for what, line in assumed.items()]

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Sequence
 import msgspec
 
 from mcserver.errors import Diagnostic, Edit
-from mcserver.language.source_lines import lines_with_ends
 
 MAX_ROUNDS = 8  # a remedy may uncover a fault that has one too
 
@@ -70,6 +69,14 @@ def apply_edits(text: str, diagnostics: Sequence[Diagnostic]) -> str:
             line, end = lines[diagnostic.line - 1]
             lines[diagnostic.line - 1] = (apply_edit(line, diagnostic.edit), end)
     return "".join(line + end for line, end in lines)
+
+
+def lines_with_ends(text: str) -> list[tuple[str, str]]:
+    """Split a text into (line, end); the end is LF, CR LF, or empty for a last line without one (D-01)."""
+    pieces = text.split("\n")
+    last = pieces.pop()
+    lines = [(piece[:-1], "\r\n") if piece.endswith("\r") else (piece, "\n") for piece in pieces]
+    return [*lines, (last, "")] if last else lines
 
 
 def apply_edit(line: str, edit: Edit) -> str:

@@ -7,7 +7,7 @@ import re
 from mcserver.gcode.line_faults import FaultList
 from mcserver.gcode.text.parser import scan_line
 from mcserver.gcode.text.scanner import TOKEN, blank_comments
-from mcserver.language.source_lines import lines_with_ends
+from mcserver.language.fix import lines_with_ends
 
 _COMMENT = re.compile(r"\([^)]*\)|;.*", re.DOTALL)
 _NUMBER = re.compile(r"([-+]?)([0-9]*)(?:\.([0-9]*))?\Z")

@@ -512,7 +512,7 @@ class Pipeline:
                 return True
         self._held = None
         values = self._interpreter.interpret(parsed)
-        self._expansion.interpreted(values)
+        self._expansion.measured.interpreted(values)
         if parsed is self._paused:
             values = without_pause(values)
         else:

@@ -214,7 +214,7 @@ def state_before(
             pause = interpreter.pause_before(parsed)
             pauses.passed(pause)
             values = interpreter.interpret(parsed)
-            expansion.interpreted(values)
+            expansion.measured.interpreted(values)
             pauses.passed(without_pause(values) if pause else values)
             polar = parsed.profile is not None and parsed.profile.polar
             for value in values:

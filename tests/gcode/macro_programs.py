@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from random import Random
 
-MACHINE_TEXT = '[machine]\nname = "mill"\n[dialect]\nprofile = "cnc"\nmacros = "fanuc"\n' + "".join(
-    f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 1e3\nmax_acceleration = 1e4\n'
-    for index in range(3)
-)
+from tests.machine_text import axes_text
+
+HEAD = '[machine]\nname = "mill"\n[dialect]\nprofile = "cnc"\nmacros = "fanuc"\n'
+MACHINE_TEXT = HEAD + axes_text(range(3), velocity=1e3, acceleration=1e4)
 
 
 class MacroWriter:

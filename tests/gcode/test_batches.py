@@ -90,7 +90,7 @@ def test_a_check_finds_the_faults_that_single_lines_have(texts: list[str]) -> No
     expected: list[Diagnostic] = []
     for number, line in enumerate(text.replace("\r\n", "\n").split("\n"), start=1):
         if not single.ended:
-            expected += single.check(scan_line(line, number))
+            expected += single.check_line(scan_line(line, number))[0]
     odd = find_odd_line(split_lines(text))
     # a file that no machine takes has this one fault
     assert check_program(text, MACHINE) == (expected if odd is None else [odd])

@@ -19,12 +19,10 @@ from mcserver.planning.state_before import state_before
 from mcserver.units import MM
 from tests.bench.rs274_contours import ContourWriter
 from tests.bench.rs274_programs import MACHINE, moves_here
+from tests.gcode.support import Program
+from tests.machine_text import axes_text
 
-_AXES = "".join(
-    f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 1e3\nmax_acceleration = 1e4\n'
-    "min_position = -100.0\nmax_position = 100.0\n"
-    for index in range(3)
-)
+_AXES = axes_text(range(3), keys="min_position = -100.0\nmax_position = 100.0")
 WITH_TOOLS = parse_machine(
     f'[machine]\nname = "mill"\n[dialect]\nprofile = "cnc"\n{_AXES}'
     "[[cutter]]\nnumber = 1\nlength_mm = 50.0\ndiameter_mm = 6.0\n[[cutter]]\nnumber = 2\nlength_mm = 40.0\n"
@@ -104,9 +102,7 @@ def test_rapids_round_corners_on_the_arc_and_are_straight() -> None:
 
 
 def test_feed_is_that_of_the_cutter_s_centre() -> None:
-    interpreter = Interpreter(MACHINE)
-    lines = [HEAD, "G42.1 D10", "G1 X10", "G3 X20 Y10 J10", "G40", "M2"]
-    values = [v for n, text in enumerate(lines, 1) for v in interpreter.interpret_text(text, n)]
+    values = Program(MACHINE).run(HEAD, "G42.1 D10", "G1 X10", "G3 X20 Y10 J10", "G40", "M2")
     arc = next(v for v in values if isinstance(v, MotionLine) and v.line == 4)
     group = arc.groups[0]
     assert isinstance(group, FeedGroup)
@@ -191,13 +187,11 @@ def test_a_start_under_compensation_is_refused_and_names_its_line() -> None:
 
 
 def test_a_line_that_is_refused_can_be_sent_again() -> None:
-    interpreter = Interpreter(MACHINE)
-    for number, text in enumerate([HEAD, "G41.1 D10", "G1 X20"], start=1):
-        interpreter.interpret_text(text, number)
-    with pytest.raises(ProgramRejected, match="MC169"):
-        interpreter.interpret_text("G3 X24 Y4 J4", 4)
-    assert interpreter.held_line == 3
-    assert [value.line for value in interpreter.interpret_text("Y-20", 4)] == [3, 4]
+    program = Program(MACHINE)
+    program.run(HEAD, "G41.1 D10", "G1 X20")
+    assert program.codes("G3 X24 Y4 J4") == ["MC169"]
+    assert program.interpreter.held_line == 3
+    assert [value.line for value in program.run("Y-20")] == [3, 4]
 
 
 @given(st.integers(0, 10**6))

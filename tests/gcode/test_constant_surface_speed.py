@@ -17,6 +17,7 @@ from mcserver.planning.start_state import StartState
 from mcserver.planning.state_before import state_before
 from mcserver.units import INCH, MM, TURN
 from tests.executor.threading_rig import lathe
+from tests.gcode.support import Program
 from tests.machine_text import axes_text
 
 LATHE = lathe(drive="ideal")
@@ -25,12 +26,9 @@ HEAD = ("G21 G18 G90", "G0 X30 Z5", "S400 M3")
 
 
 def interpreted(*lines: str) -> tuple[Interpreter, list[MotionLine]]:
-    interpreter = Interpreter(LATHE, positions=dict.fromkeys(range(4), 0.0))
-    found: list[MotionLine] = []
-    for number, text in enumerate([*HEAD, *lines], start=1):
-        values = interpreter.interpret(interpreter.parse(text, number))
-        found += [each for each in values if isinstance(each, MotionLine)]
-    return interpreter, found
+    program = Program(LATHE, positions=dict.fromkeys(range(4), 0.0))
+    values = program.run(*HEAD, *lines)
+    return program.interpreter, [each for each in values if isinstance(each, MotionLine)]
 
 
 def spindle(*lines: str) -> list[tuple[float, bool]]:

@@ -8,7 +8,7 @@ import pytest
 
 from mcserver.gcode.line_faults import TITLES
 from mcserver.gcode.program_check import check_program
-from mcserver.gcode.text.command_table import COMMANDS, CommandSpec, Kind, edit_distance, find_command
+from mcserver.gcode.text.command_table import COMMANDS, CommandSpec, Kind, find_command
 from mcserver.gcode.text.parser import scan_line
 from mcserver.gcode.text.word_table import WORDS
 from mcserver.gcode.text.words import LETTERS
@@ -85,9 +85,3 @@ def test_leading_zeros_do_not_matter(text: str) -> None:
     spec = find_command("G", text)
     assert spec is not None
     assert spec.name == "G01"
-
-
-def test_edit_distance_counts_changes() -> None:
-    assert edit_distance("G01", "G1020") == 3
-    assert edit_distance("G01", "G01") == 0
-    assert edit_distance("", "G0") == 2

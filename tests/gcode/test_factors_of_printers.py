@@ -9,6 +9,7 @@ from mcserver.gcode.program_check import check_program
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.machine.machine_file import Machine
 from mcserver.simulation.simulation import simulate
+from tests.gcode.support import Program
 from tests.gcode.test_retraction import E, ends, faults, printer
 
 SQUARE = "G1 X20 E1\nG1 Y20 E2\nG1 X0 E3\nG1 Y0 E4"
@@ -78,9 +79,9 @@ def test_m220_keeps_a_factor_and_brings_it_back() -> None:
 
 
 def test_a_start_in_the_middle_has_the_factors() -> None:
-    whole = Interpreter(printer())
-    for number, line in enumerate(("M220 S50", "M221 S90", "G1 X5 E10 F600"), start=1):
-        whole.interpret_text(line, number)
+    program = Program(printer())
+    program.run("M220 S50", "M221 S90", "G1 X5 E10 F600")
+    whole = program.interpreter
     later = Interpreter(printer(), modal=whole.modal, positions=whole.positions)
     assert later.interpret_text("G1 X9 E20", 4) == whole.interpret_text("G1 X9 E20", 4)
     assert later.positions[E] == pytest.approx(0.018)
@@ -97,10 +98,9 @@ def test_lines_are_read_in_columns_under_m221_and_one_by_one_under_m220() -> Non
 
 
 def test_the_factors_end_with_the_program() -> None:
-    interpreter = Interpreter(printer())
-    for number, line in enumerate(("M220 S50", "M221 S90", "M2"), start=1):
-        interpreter.interpret_text(line, number)
-    assert (interpreter.modal.pace, interpreter.modal.flow) == (1.0, 1.0)
+    program = Program(printer())
+    program.run("M220 S50", "M221 S90", "M2")
+    assert (program.interpreter.modal.pace, program.interpreter.modal.flow) == (1.0, 1.0)
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from mcserver.planning.start_state import StartState
 from mcserver.planning.state_before import state_before
 from mcserver.units import DEGREE, INCH, MM
 from tests.executor.threading_rig import lathe, lathe_text
+from tests.gcode.support import Program
 from tests.machine_text import axes_text
 
 LATHE = lathe(drive="ideal")
@@ -26,11 +27,7 @@ ROUTER = parse_machine(
 
 
 def values(*lines: str, machine: Machine = LATHE) -> list[object]:
-    interpreter = Interpreter(machine, positions=dict.fromkeys(range(4), 0.0))
-    found: list[object] = []
-    for number, text in enumerate([*HEAD, *lines], start=1):
-        found += interpreter.interpret(interpreter.parse(text, number))
-    return found
+    return list(Program(machine, positions=dict.fromkeys(range(4), 0.0)).run(*HEAD, *lines))
 
 
 def speeds(*lines: str, machine: Machine = LATHE) -> list[float]:
@@ -52,10 +49,9 @@ def test_f_counts_turns_of_the_spindle_as_it_stands_at_each_line() -> None:
 
 
 def test_lines_in_columns_do_not_take_it_for_a_feed_a_minute() -> None:
-    interpreter = Interpreter(LATHE)
-    for number, text in enumerate((*HEAD, "G95 F0.2 G1 X9"), start=1):
-        interpreter.interpret(interpreter.parse(text, number))
-    assert interpreter.interpret_batch([f"X{number % 7}" for number in range(200)], 4) is None
+    program = Program(LATHE)
+    program.run(*HEAD, "G95 F0.2 G1 X9")
+    assert program.interpreter.interpret_batch([f"X{number % 7}" for number in range(200)], 4) is None
 
 
 def test_gears_between_motor_and_spindle_count() -> None:
@@ -137,8 +133,7 @@ def test_a_program_goes_on_under_it() -> None:
 
 
 def test_it_is_told_as_it_is() -> None:
-    interpreter = Interpreter(LATHE)
-    for number, text in enumerate(("S300 M3", "G95 F0.2"), start=1):
-        interpreter.interpret(interpreter.parse(text, number))
-    assert {"G95", "F0.2", "S300"} <= set(modal_codes(interpreter.modal))
+    program = Program(LATHE)
+    program.run("S300 M3", "G95 F0.2")
+    assert {"G95", "F0.2", "S300"} <= set(modal_codes(program.interpreter.modal))
     assert faults("G95 F0.2 S300 M3", "o1 if [#<_units_per_rev> NE 1]", "G5", "o1 endif") == []

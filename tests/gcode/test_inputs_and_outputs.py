@@ -21,6 +21,8 @@ from mcserver.motion.canonical import (
     OutputSetting,
     WaitMode,
 )
+from tests.gcode.support import Program
+from tests.machine_text import axes_text
 
 CHANNELS = """
 [[input]]
@@ -56,19 +58,11 @@ def machine(
 ) -> Machine:
     text = f'[machine]\nname = "cell"\n[dialect]\nprofile = "{profile}"\n{extra}\n'
     text += f"[dialect.outputs]\n{mapped}\n" if mapped else ""
-    for index in (0, 1, 2, 6):
-        text += (
-            f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 500.0\nmax_acceleration = 5000.0\n'
-        )
-    return parse_machine(text + channels)
+    return parse_machine(text + axes_text((0, 1, 2, 6), velocity=500.0, acceleration=5000.0) + channels)
 
 
 def interpret(described: Machine, *lines: str) -> list[Canonical]:
-    interpreter = Interpreter(described)
-    values: list[Canonical] = []
-    for number, text in enumerate(lines, 1):
-        values += interpreter.interpret_text(text, number)
-    return values
+    return Program(described).run(*lines)
 
 
 def codes(described: Machine, *lines: str) -> list[str]:

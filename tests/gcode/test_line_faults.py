@@ -171,6 +171,16 @@ def test_these_lines_have_no_fault(text: str) -> None:
     assert faults(text) == []
 
 
+def test_a_simple_line_has_groups_and_columns_too() -> None:
+    parsed = scan_line("\tG01  X1 Y-2", 4)
+    (group,) = parsed.groups
+    (command,) = group
+    assert command.spec is not None
+    assert command.spec.name == "G01"
+    assert parsed.command_span(command) == (2, 13)
+    assert [parsed.span(word.index) for word in command.items] == [(7, 9), (10, 13)]
+
+
 def test_columns_count_code_points_and_tabs_as_one() -> None:
     assert faults("\t(\U0001f600é)\tX--1") == [("MC102", 7, 11)]
 
@@ -265,7 +275,7 @@ def test_a_byte_order_mark_inside_code_is_named() -> None:
 @pytest.mark.timeout(20)
 def test_long_lines_take_linear_time(text: str) -> None:
     """A reading that is quadratic in any of these takes minutes; the marker ends it."""
-    Interpreter(CARTESIAN).check(scan_line(text, 1))
+    Interpreter(CARTESIAN).check_line(scan_line(text, 1))
 
 
 GOOD = [
@@ -282,7 +292,7 @@ WORDS = st.sampled_from([*GOOD, *BAD, " ", "\t"])
 )
 def test_any_text_is_read_or_refused_with_columns_inside_it(text: str) -> None:
     line = text.replace("\n", " ")
-    for fault in Interpreter(CARTESIAN).check(scan_line(line, 7)):
+    for fault in Interpreter(CARTESIAN).check_line(scan_line(line, 7))[0]:
         assert fault.code in TITLES
         assert fault.line == 7
         assert 1 <= fault.column < fault.end_column <= len(line) + 1

@@ -9,6 +9,7 @@ from mcserver.motion.canonical import EndLine, FeedGroup, MotionLine, PauseLine
 from mcserver.planning.start_state import StartState
 from mcserver.planning.state_before import state_before
 from tests.gcode.support import CARTESIAN, Program, check, feeding, machine_of
+from tests.machine_text import axes_text
 
 ROUNDING = machine_of("0:linear 1:linear", motion="[motion]\npath_tolerance_mm = 0.25\n")
 
@@ -242,10 +243,9 @@ def test_axis_words_with_nothing_to_repeat_are_an_error() -> None:
 
 
 def test_axis_words_behind_a_probe_do_not_drill_once_more() -> None:
-    axes = '[[axis]]\nindex = {}\ntype = "linear"\nmax_velocity = 1e3\nmax_acceleration = 1e4\n'
     machine = parse_machine(
         '[machine]\nname = "mill"\n[probe]\ninput = 0\n[[input]]\nnumber = 0\nname = "probe"\n'
-        f'[dialect]\nprofile = "cnc"\n{"".join(axes.format(index) for index in range(3))}'
+        f'[dialect]\nprofile = "cnc"\n{axes_text(range(3))}'
     )
     lines = "F100", "G0 Z10", "G81 X1 Y1 Z-1 R2", "G38.3 Z5", "X10"
     assert check(*lines, machine=machine) == [(5, "MC113")]
@@ -285,13 +285,12 @@ def test_an_axis_outside_the_lease_is_an_error() -> None:
 def test_modal_state_can_be_rebuilt_before_any_line() -> None:
     lines = ["G20 G91 F60", "G01 X1", "G61", "G01 X1 Y1", "G01 X1"]
     resumption = state_before(lines, 5, CARTESIAN, StartState.of(CARTESIAN))
-    whole = Interpreter(CARTESIAN)
-    for number, text in enumerate(lines[:4], start=1):
-        whole.interpret_text(text, number)
-    assert resumption.modal == whole.modal
-    assert resumption.positions == whole.positions
+    whole = Program()
+    whole.run(*lines[:4])
+    assert resumption.modal == whole.interpreter.modal
+    assert resumption.positions == whole.interpreter.positions
     resumed = Interpreter(CARTESIAN, modal=resumption.modal, positions=resumption.positions)
-    assert resumed.interpret_text(lines[4], 5) == whole.interpret_text(lines[4], 5)
+    assert resumed.interpret_text(lines[4], 5) == whole.run(lines[4])
 
 
 def test_several_feeds_of_a_line_are_in_force_in_reading_order() -> None:

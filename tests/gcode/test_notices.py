@@ -13,6 +13,7 @@ from mcserver.gcode.program_check import check_program
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.machine.machine_file import Machine, load_machine
 from mcserver.motion.canonical import PauseLine
+from tests.gcode.support import Program
 
 MILL = load_machine(str(Path(__file__).parents[1] / "corpus" / "cnc.toml"))
 PRINTER = load_machine(str(Path(__file__).parents[1] / "corpus" / "printer.toml"))
@@ -36,8 +37,7 @@ def notices(machine: Machine, *lines: str) -> list[str | None]:
 
 
 def pauses(machine: Machine, *lines: str) -> list[tuple[int, str]]:
-    interpreter = Interpreter(machine)
-    found = [each for n, text in enumerate(lines, start=1) for each in interpreter.interpret_text(text, n)]
+    found = Program(machine).run(*lines)
     return [(each.line, each.notice) for each in found if isinstance(each, PauseLine)]
 
 

@@ -8,13 +8,9 @@ from mcserver.errors import Diagnostic
 from mcserver.gcode.program_check import check_program
 from mcserver.gcode.repeated import by_cause, further_lines
 from mcserver.machine.machine_file import load_machine, parse_machine
+from tests.machine_text import axes_text
 
-AXES = "".join(
-    f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 200.0\nmax_acceleration = 2000.0\n'
-    '[axis.drive]\nkind = "ideal"\n'
-    for index in range(3)
-)
-MILL = f'[machine]\nname = "mill"\n{AXES}[dialect]\nprofile = "cnc"\n'
+MILL = f'[machine]\nname = "mill"\n{axes_text(range(3))}[dialect]\nprofile = "cnc"\n'
 
 
 def fault(code: str, line: int, message: str, axis: int | None = None) -> Diagnostic:

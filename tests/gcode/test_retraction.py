@@ -10,6 +10,7 @@ from mcserver.gcode.program_check import check_program
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.simulation.simulation import simulate
+from tests.gcode.support import Program
 from tests.machine_text import axes_text
 
 SETTINGS = "[dialect.retraction]\nlength_mm = 3\nspeed = 45\nhop_mm = 0.5\nrecover_speed = 20\nextra_mm = 0.1"
@@ -79,10 +80,9 @@ def test_m207_and_m208_set_it_and_g11_undoes_what_g10_did() -> None:
 
 
 def test_what_was_set_and_drawn_back_ends_with_the_program() -> None:
-    interpreter = Interpreter(printer())
-    for number, line in enumerate(("M207 S1", "G10", "M2"), start=1):
-        interpreter.interpret_text(line, number)
-    assert interpreter.modal.frame is None
+    program = Program(printer())
+    program.run("M207 S1", "G10", "M2")
+    assert program.interpreter.modal.frame is None
 
 
 def test_a_z_that_is_homed_is_lifted_no_longer() -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from mcserver.errors import ConfigurationError
 from mcserver.gcode.program_check import check_program
 from mcserver.gcode.semantics.interpreter import Interpreter
-from mcserver.gcode.semantics.rollover import rolled_over
+from mcserver.gcode.semantics.program_places import rolled_over
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.machine.sections import Rollover
 from mcserver.simulation.simulation import simulate

@@ -11,14 +11,13 @@ from mcserver.gcode.fast_path.interpreted_batch import MIN_LINES
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.motion.canonical import PathBatch, RapidGroup
 from tests.gcode.run_programs import NO_NUMBERS
-from tests.gcode.support import CARTESIAN
+from tests.gcode.support import Program
 
 
 def started(*lines: str) -> Interpreter:
-    interpreter = Interpreter(CARTESIAN)
-    for number, text in enumerate(lines, start=1):
-        interpreter.interpret_text(text, number)
-    return interpreter
+    program = Program()
+    program.run(*lines)
+    return program.interpreter
 
 
 def taken(interpreter: Interpreter, texts: list[str], number: int = 100, most: int = 4096) -> int:

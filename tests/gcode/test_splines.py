@@ -22,13 +22,13 @@ from mcserver.planning.start_state import StartState
 from mcserver.planning.state_before import state_before
 from mcserver.units import MM
 from tests.bench.rs274_programs import MACHINE
+from tests.gcode.support import Program
+from tests.machine_text import axes_text
 
 
 def lines_of(*lines: str) -> list[MotionLine]:
-    interpreter, found = Interpreter(MACHINE), []
-    for number, text in enumerate(["G21 G90 F1000", *lines], 1):
-        found += [each for each in interpreter.interpret_text(text, number) if isinstance(each, MotionLine)]
-    return found
+    values = Program(MACHINE).run("G21 G90 F1000", *lines)
+    return [each for each in values if isinstance(each, MotionLine)]
 
 
 def curves(*lines: str) -> list[RationalCurve]:
@@ -228,12 +228,8 @@ def test_what_is_no_such_curve_is_refused(lines: list[str], code: str) -> None:
 
 
 def test_a_curve_that_leaves_the_travel_is_refused() -> None:
-    axes = (
-        f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 1e3\nmax_acceleration = 1e4\n'
-        "min_position = 0.0\nmax_position = 10.0\n"
-        for index in range(3)
-    )
-    machine = parse_machine(f'[machine]\nname = "mill"\n[dialect]\nprofile = "cnc"\n{"".join(axes)}')
+    axes = axes_text(range(3), keys="min_position = 0.0\nmax_position = 10.0")
+    machine = parse_machine(f'[machine]\nname = "mill"\n[dialect]\nprofile = "cnc"\n{axes}')
     # its top is at three quarters of the height of its control points
     for height, expected in ((13.3, []), (13.4, ["MC201"])):
         text = f"F1000\nG5 X10 Y0 I1 J{height} P-1 Q{height}"

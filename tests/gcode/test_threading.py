@@ -13,6 +13,7 @@ from mcserver.motion.canonical import Canonical, DwellGroup, MotionLine, RapidGr
 from mcserver.motion.thread_cam import stopping_seconds
 from mcserver.units import DEGREE, MM, TURN
 from tests.executor.threading_rig import SPINDLE, lathe, lathe_text
+from tests.gcode.support import Program
 from tests.machine_text import axes_text
 
 LATHE = lathe(drive="ideal")
@@ -24,11 +25,7 @@ def faults(*lines: str, machine: Machine = LATHE, head: tuple[str, ...] = HEAD) 
 
 
 def values(*lines: str) -> list[Canonical]:
-    interpreter = Interpreter(LATHE, positions=dict.fromkeys(range(4), 0.0))
-    found: list[Canonical] = []
-    for number, text in enumerate([*HEAD, *lines], start=1):
-        found += interpreter.interpret(interpreter.parse(text, number))
-    return found
+    return Program(LATHE, positions=dict.fromkeys(range(4), 0.0)).run(*HEAD, *lines)
 
 
 def test_g33_is_a_straight_move_by_the_turns_of_the_spindle() -> None:

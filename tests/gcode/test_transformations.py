@@ -13,22 +13,22 @@ from hypothesis import strategies as st
 from mcserver.errors import ProgramRejected
 from mcserver.gcode.program_check import check_program
 from mcserver.gcode.semantics.interpreter import Interpreter
-from mcserver.machine.machine_file import parse_machine
+from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.motion.canonical import FeedGroup, MotionLine, RapidGroup
 from mcserver.motion.geometry.curves import Array
 from mcserver.planning.start_state import StartState
 from mcserver.planning.state_before import state_before
 from mcserver.units import MM
 from tests.bench.rs274_programs import MACHINE, moves_here
+from tests.gcode.support import Program
+from tests.machine_text import axes_text
 
 PLANES = {17: (0, 1), 18: (2, 0), 19: (1, 2)}
 PROBING = parse_machine(
     '[machine]\nname = "mill"\n[probe]\ninput = 0\n[[input]]\nnumber = 0\nname = "probe"\n'
     '[dialect]\nprofile = "cnc"\nspindle_axis = 6\n'
-    + "".join(
-        f'[[axis]]\nindex = {index}\ntype = "{kind}"\nmax_velocity = 1e5\nmax_acceleration = 1e6\n'
-        for index, kind in ((0, "linear"), (1, "linear"), (2, "linear"), (3, "rotary"), (6, "rotary"))
-    )
+    + axes_text(range(3), velocity=1e5, acceleration=1e6)
+    + axes_text((3, 6), rotary=True, velocity=1e5, acceleration=1e6)
 )
 
 
@@ -49,6 +49,12 @@ def travels(*lines: str) -> list[tuple[float, ...]]:
                 found.append((*middle, *end))
                 place = end
     return found
+
+
+def after(machine: Machine, *lines: str) -> Interpreter:
+    program = Program(machine)
+    program.run(*lines)
+    return program.interpreter
 
 
 def ends(*lines: str) -> list[tuple[float, ...]]:
@@ -244,9 +250,7 @@ def test_radius_and_angle_of_one_move_are_those_of_linuxcnc() -> None:
     assert ends("G10 L2 P1 X5", "G1 X3 Y0", "G3 @3 ^90 I-3")[-1] == (5.0, 3.0, 0.0)
     holes = [each[:2] for each in ends("G0 Z2", "G81 @3 ^90 Z-1 R1", "G91 ^90 Z-2 R-1") if each[2] < 0.0]
     assert holes == [(0.0, 3.0), (-3.0, 0.0)]
-    interpreter = Interpreter(PROBING)
-    for number, text in enumerate(["F1000 G1 X1 Y1", "G1010 P1"], 1):
-        interpreter.interpret_text(text, number)
+    interpreter = after(PROBING, "F1000 G1 X1 Y1", "G1010 P1")
     assert interpreter.axes_to_sync(interpreter.parse("G1 @3", 3)) == {1}
 
 
@@ -382,8 +386,7 @@ def test_what_programs_write_beside_it_is_taken(lines: list[str]) -> None:
 
 @pytest.mark.parametrize("line", ["G1 @3 ^30", "G68 X0 Y0 R3", "G16", "G5 X3 I1 J1 P-1 Q1", "G81 X1 Z-1 R1"])
 def test_an_axis_that_is_missing_or_rotary_is_a_fault(line: str) -> None:
-    axis = '[[axis]]\nindex = {}\ntype = "{}"\nmax_velocity = 1e3\nmax_acceleration = 1e4\n'
-    for axes in (axis.format(0, "linear"), axis.format(0, "linear") + axis.format(1, "rotary")):
+    for axes in (axes_text([0]), axes_text([0]) + axes_text([1], rotary=True)):
         machine = parse_machine(f'[machine]\nname = "mill"\n[dialect]\nprofile = "cnc"\n{axes}')
         assert check_program(f"F1000\n{line}", machine)[0].code in ("MC108", "MC188", "MC189")
     for lease in (frozenset({0}), frozenset({1, 2})):
@@ -411,17 +414,13 @@ def test_a_program_goes_on_turned_from_a_line() -> None:
 
 
 def test_both_axes_of_the_plane_are_read_where_one_is_named() -> None:
-    interpreter = Interpreter(PROBING)
-    for number, text in enumerate(["G68 X0 Y0 R30", "F1000 G0 X1 Y1", "G1 X3", "G1010 P1"], 1):
-        interpreter.interpret_text(text, number)
+    interpreter = after(PROBING, "G68 X0 Y0 R30", "F1000 G0 X1 Y1", "G1 X3", "G1010 P1")
     assert interpreter.axes_to_sync(interpreter.parse("G1 X3", 5)) == {1}
     assert interpreter.axes_to_sync(interpreter.parse("G1 Z3", 5)) == frozenset()
 
 
 def test_after_a_jog_in_a_pause_the_next_move_says_both_axes() -> None:
-    interpreter = Interpreter(MACHINE)
-    for number, text in enumerate(["G68 X0 Y0 R90", "F1000 G0 X1 Y1", "M0"], 1):
-        interpreter.interpret_text(text, number)
+    interpreter = after(MACHINE, "G68 X0 Y0 R90", "F1000 G0 X1 Y1", "M0")
     interpreter.end_pause({0: 3 * MM}, None)
     with pytest.raises(ProgramRejected, match="MC186"):
         interpreter.interpret_text("G1 X3", 4)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import asyncio
 import hashlib
 import json
 import re
 import signal
-import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -29,6 +27,7 @@ from mcserver.recorder.messages import ServiceEvents, StartRecording, StopRecord
 from mcserver.service.approval_basis import server_version
 from mcserver.service.arming import MAX_TEXT
 from mcserver.service.reports import Event, LineReport
+from tests.language.test_agents_http import served
 from tests.machine_text import axes_text
 from tests.recorder.rig import Rig
 
@@ -291,21 +290,8 @@ async def test_a_client_over_standard_input_is_served() -> None:
 
 
 async def test_a_client_over_http_is_served() -> None:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    process = subprocess.Popen([sys.executable, "-m", "mcserver", "mcp", "--http", f"127.0.0.1:{port}"])
-    try:
-        for _ in range(600):
-            with socket.socket() as probe:
-                if probe.connect_ex(("127.0.0.1", port)) == 0:
-                    break
-            await asyncio.sleep(0.1)
-        async with Client(f"http://127.0.0.1:{port}/mcp") as client:
-            assert answer_of(await client.call_tool("check", {"text": "G01 X1 F5"}))["ok"]
-    finally:
-        process.send_signal(signal.SIGINT)
-        process.wait(30)
+    async with served() as port, Client(f"http://127.0.0.1:{port}/mcp") as client:
+        assert answer_of(await client.call_tool("check", {"text": "G01 X1 F5"}))["ok"]
 
 
 @pytest.fixture

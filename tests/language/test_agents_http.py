@@ -9,6 +9,8 @@ import signal
 import socket
 import subprocess
 import sys
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
@@ -129,27 +131,34 @@ def initialize(port: int, host: str = "127.0.0.1", **headers: str) -> int:
         connection.close()
 
 
-async def test_a_served_address_asks_for_its_token_host_and_origin(tmp_path: Path) -> None:
-    file = tmp_path / "token"
-    file.write_text(TOKEN + "\n")
-    file.chmod(0o600)
+@asynccontextmanager
+async def served(*options: str) -> AsyncIterator[int]:
+    """The port of an agents' server in a process of its own."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    command = [sys.executable, "-m", "mcserver", "mcp", "--http", f"127.0.0.1:{port}"]
-    process = subprocess.Popen([*command, "--token-file", str(file)])
+    command = [sys.executable, "-m", "mcserver", "mcp", "--http", f"127.0.0.1:{port}", *options]
+    process = subprocess.Popen(command)
     try:
         for _ in range(600):
             with socket.socket() as probe:
                 if probe.connect_ex(("127.0.0.1", port)) == 0:
                     break
             await asyncio.sleep(0.1)
+        yield port
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.wait(30)
+
+
+async def test_a_served_address_asks_for_its_token_host_and_origin(tmp_path: Path) -> None:
+    file = tmp_path / "token"
+    file.write_text(TOKEN + "\n")
+    file.chmod(0o600)
+    async with served("--token-file", str(file)) as port:
         right = f"Bearer {TOKEN}"
         assert initialize(port) == 401
         assert initialize(port, Authorization="Bearer other") == 401
         assert initialize(port, Authorization=right) == 200
         assert initialize(port, Authorization=right, Origin="https://evil.example") == 403
         assert initialize(port, "evil.example", Authorization=right) == 421
-    finally:
-        process.send_signal(signal.SIGINT)
-        process.wait(30)

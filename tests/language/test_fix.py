@@ -170,6 +170,12 @@ def test_formatting_keeps_every_word_and_is_done_once(seed: int) -> None:
     ]
 
 
+@pytest.mark.parametrize("text", ["G1", "G1\n", "G1\r\n", "G1\r", "G4 P0.\r", "G3 X0 Y0 I1000 J0 P2 \r"])
+def test_a_text_that_is_cut_in_its_last_end_of_line_is_formatted_once(text: str) -> None:
+    once = format_program(text)
+    assert format_program(once) == once
+
+
 def test_fix_writes_the_file_with_its_line_ends_and_shows_the_difference(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

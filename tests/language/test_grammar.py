@@ -22,6 +22,7 @@ from mcserver.language.grammar.expressions import Grammar
 from mcserver.language.grammar.notations import Notation, write_grammar, write_regex
 from mcserver.machine.machine_file import load_machine
 from tests.language.grammar_reader import Recognizer, pattern_of, read_grammar
+from tests.machine_text import axes_text
 
 ROOT = Path(__file__).resolve().parents[2]
 PLAIN = str(ROOT / "tests" / "golden" / "machines" / "plain.toml")
@@ -188,10 +189,7 @@ def test_a_machine_without_tools_has_no_word_t_and_one_with_tools_only_its_own()
 
 def test_a_machine_of_rotary_axes_has_no_arcs(tmp_path: Path) -> None:
     path = tmp_path / "turntable.toml"
-    path.write_text(
-        '[machine]\nname = "turntable"\n[[axis]]\nindex = 3\ntype = "rotary"\n'
-        "max_velocity = 90.0\nmax_acceleration = 90.0\n"
-    )
+    path.write_text(f'[machine]\nname = "turntable"\n{axes_text([3], rotary=True)}')
     accepts = Recognizer(build_grammar(load_machine(str(path)))).accepts
     assert accepts("G01 A90 F60")
     assert accepts("[3]45")

@@ -7,9 +7,8 @@ from mcbenchmark.families import machine_file
 
 from mcserver.gcode.text.command_table import COMMANDS
 from mcserver.language.agents.knowledge import dialect_topic, fault_facts
-from mcserver.language.lsp.knowledge import complete, hover
+from mcserver.language.lsp.knowledge import complete, hover, words_of
 from mcserver.language.lsp.outline import folding_ranges
-from mcserver.language.lsp.words_at import words_of
 from mcserver.machine.machine_file import Machine, load_machine
 
 CARTESIAN = load_machine("cartesian")

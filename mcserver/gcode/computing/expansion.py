@@ -7,7 +7,8 @@ the line numbers of motion never decrease, and a line is done when everything th
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import msgspec
 
@@ -23,7 +24,6 @@ from mcserver.gcode.computing.o_words import (
     call_routine,
     file_routine,
     line_routine,
-    may_be_statement,
     read_statement,
     saves,
     shown_name,
@@ -34,7 +34,6 @@ from mcserver.gcode.line_faults import Origin, Span, in_file
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.text.parser import ParsedLine
 from mcserver.gcode.text.source import split_lines
-from mcserver.motion.canonical import Canonical
 
 # Steps that one program may take; more are an endless loop.
 MOST_STEPS = 1_000_000
@@ -49,15 +48,13 @@ _ENDLESS_HINT = (
 )
 
 
+@dataclass(slots=True, eq=False)
 class Frame:
     """A routine that runs: its next instruction, and the turns left of its repeat loops."""
 
-    __slots__ = ("at", "left", "routine")
-
-    def __init__(self, routine: Routine) -> None:
-        self.routine = routine
-        self.at = 0
-        self.left: dict[int, int] = {}
+    routine: Routine
+    at: int = 0
+    left: dict[int, int] = field(default_factory=dict)
 
 
 class Expansion:
@@ -199,7 +196,7 @@ class Expansion:
 
     def _compute(self, text: str, number: int) -> bool:
         """Accept a line that computes; return False for a plain line."""
-        statement = read_statement(text, number) if may_be_statement(text) else None
+        statement = read_statement(text, number)
         if self._compiler is not None:
             self._gather(text, number, statement)
         elif statement is not None and statement.word in ("sub", "while", "do", "if", "repeat"):
@@ -225,10 +222,7 @@ class Expansion:
     def _gather(self, text: str, number: int, statement: Statement | None) -> None:
         compiler = self._compiler
         assert compiler is not None
-        if statement is None:
-            compiler.add_line(text, number)
-        else:
-            compiler.add_statement(statement)
+        compiler.add(text, number, statement)
         self._gathered[number] = text
         if not compiler.closed:
             return
@@ -302,10 +296,6 @@ class Expansion:
             if found is not None:
                 return found
         return None
-
-    def interpreted(self, values: Iterable[Canonical]) -> None:
-        """Note the measurements among the values of the last line."""
-        self.measured.interpreted(values)
 
     def _count(self) -> None:
         self._steps += 1

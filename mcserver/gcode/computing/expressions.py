@@ -6,6 +6,7 @@ import math
 import operator
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NamedTuple, Protocol
 
@@ -145,20 +146,18 @@ def skip(text: str, at: int) -> int:
     return at if found is None else found.end()
 
 
+@dataclass(frozen=True, slots=True, eq=False)
 class Parameter:
     """A parameter in a line, by name or by an expression for its number; calling it returns its value.
 
-    Args:
+    Attributes:
         name: lower case, without blanks; empty for a numbered one. null: #0 is `NULL`.
     """
 
-    __slots__ = ("name", "null", "number", "span")
-
-    def __init__(self, name: str, number: Value | None, span: Span, *, null: bool = False) -> None:
-        self.name = name
-        self.number = number
-        self.span = span
-        self.null = null
+    name: str
+    number: Value | None
+    span: Span
+    null: bool = False
 
     def index(self, values: Values) -> int:
         """Return the number of a numbered parameter.
@@ -232,7 +231,7 @@ def read_value(text: str, at: int, deep: int = 0, language: Language = NGC) -> t
         return _read_brackets(text, at, deep, language)
     if first == "#":
         return read_parameter(text, at, deep, language)
-    if first in ("-", "+") and first:
+    if first in ("-", "+"):
         value, end = read_value(text, at + 1, deep + 1, language)
         return ((lambda values: -value(values)) if first == "-" else value), end
     function = _FUNCTION.match(text, at)
@@ -242,7 +241,7 @@ def read_value(text: str, at: int, deep: int = 0, language: Language = NGC) -> t
     raise ComputingError(
         "MC160",
         f"a value is missing: {what} is none",
-        (at + 1, max(at + 2, len(text) + 1 if not first else at + 2)),
+        (at + 1, at + 2),
         "write a number, a parameter such as #1, or an expression such as [#1 + 2]",
     )
 

@@ -37,7 +37,7 @@ _MACRO = re.compile(r"(?:IF|WHILE)[ \t]*\[|GOTO|DO[ \t]*[0-9]|END[ \t]*[0-9]", r
 _WHOLE = frozenset("HLMNT")
 
 
-class Piece:
+class Piece(NamedTuple):
     """A computed value in a line, and its columns.
 
     Attributes:
@@ -45,14 +45,11 @@ class Piece:
         name: text before the value, omitted with it if it is `NULL`.
     """
 
-    __slots__ = ("decimals", "letter", "name", "span", "value")
-
-    def __init__(self, value: Value, span: Span, letter: str, decimals: int = 6, name: str = "") -> None:
-        self.value = value
-        self.span = span
-        self.letter = letter
-        self.decimals = decimals
-        self.name = name
+    value: Value
+    span: Span
+    letter: str
+    decimals: int = 6
+    name: str = ""
 
     def text(self, values: Values) -> str | None:
         """Return the value as text of a plain line; None: a check could not compute it.
@@ -126,7 +123,7 @@ class Setting(NamedTuple):
     value: float
 
 
-class Plain:
+class Plain(NamedTuple):
     """A plain line, and the parameters that it sets once it has been read.
 
     Attributes:
@@ -134,12 +131,9 @@ class Plain:
         settings: parameters to set.
     """
 
-    __slots__ = ("columns", "settings", "text")
-
-    def __init__(self, text: str | None, columns: Columns, settings: list[Setting]) -> None:
-        self.text = text
-        self.columns = columns
-        self.settings = settings
+    text: str | None
+    columns: Columns
+    settings: list[Setting]
 
 
 class LineTemplate:
@@ -188,19 +182,15 @@ class LineTemplate:
         if axis is None and not _LETTER.match(text, at):
             return at + 1
         macro = _MACRO.match(text, at)
-        if macro is not None and self._language.null:
-            shown = macro[0].rstrip("[").strip()
-            raise ComputingError(
-                "MC181",
-                f"{shown} begins no line here",
-                (at + 1, macro.end() + 1),
-                "give it a line of its own",
-            )
         if macro is not None:
+            shown, span = macro[0].rstrip("[").strip(), (at + 1, macro.end() + 1)
+            if self._language.null:
+                hint = "give it a line of its own"
+                raise ComputingError("MC181", f"{shown} begins no line here", span, hint)
             raise ComputingError(
                 "MC140",
-                f"{macro[0].rstrip('[').strip()} is Fanuc's macro language, which is not read here",
-                (at + 1, macro.end() + 1),
+                f"{shown} is Fanuc's macro language, which is not read here",
+                span,
                 '[dialect] macros = "fanuc" in the machine file reads it; O-words do the same: o100 if [...]',
             )
         start = skip(text, at + 1 if axis is None else axis.end())

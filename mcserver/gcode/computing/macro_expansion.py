@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
 
 from mcserver.gcode.computing.expansion import DEEPEST_CALL, Expansion, Frame
@@ -65,18 +66,13 @@ class _NeedsText(Exception):
         self.met = met
 
 
+@dataclass(slots=True, eq=False)
 class _Call(Frame):
     """A running program, its runs left, and the arguments of each run (None: M98)."""
 
-    __slots__ = ("arguments", "program", "times")
-
-    def __init__(
-        self, program: MacroProgram, times: int = 1, arguments: tuple[float, ...] | None = None
-    ) -> None:
-        super().__init__(program)
-        self.program = program
-        self.times = times
-        self.arguments = arguments
+    routine: MacroProgram
+    times: int = 1
+    arguments: tuple[float, ...] | None = None
 
 
 class MacroExpansion(Expansion):
@@ -299,7 +295,7 @@ class MacroExpansion(Expansion):
                 parsed.origin = Origin(step.line, file=frame.routine.file)
             return parsed
         if step.kind == "goto":
-            self._go(frame, step, frame.program, frame.at + 1)
+            self._go(frame, step, frame.routine, frame.at + 1)
         elif step.kind in ("program", "macro"):
             self._call(frame, step)
         elif step.kind == "end":
@@ -309,11 +305,11 @@ class MacroExpansion(Expansion):
             found = super()._step(frame, step)
             if step.kind == "test" and frame.at < 0:
                 frame.at = at
-                if frame.program.closed:
+                if frame.routine.closed:
                     raise ComputingError("MC181", "the END of this loop is missing", step.span, "add it")
-                raise _NeedsText("the END of a loop", lambda: step.target >= 0 or frame.program.closed)
+                raise _NeedsText("the END of a loop", lambda: step.target >= 0 or frame.routine.closed)
             if step.kind == "jump" and step.target <= at:
-                self._turn_back(frame.program, frame.program.code[step.target])
+                self._turn_back(frame.routine, frame.routine.code[step.target])
             return found
         return None
 
@@ -387,7 +383,7 @@ class MacroExpansion(Expansion):
             arguments = tuple(each.get(at, NULL) for at in range(1, LOCALS + 1))
         frame.at += 1
         if times:
-            self._calls.append(_Call(program, times, arguments))
+            self._calls.append(_Call(program, times=times, arguments=arguments))
             if arguments is not None:
                 self._parameters.scopes.append(self._parameters.scope(arguments))
 
@@ -427,13 +423,13 @@ class MacroExpansion(Expansion):
         if frame.times > 1:
             frame.times -= 1
             frame.at = 0
-            self._turn_back(frame.program, step)
+            self._turn_back(frame.routine, step)
             if frame.arguments is not None:
                 self._parameters.scopes[-1] = self._parameters.scope(frame.arguments)
             return
         caller = self._calls[-2]
         if step.values:
-            self._go(caller, step, caller.program, caller.at)
+            self._go(caller, step, caller.routine, caller.at)
         if len(self._calls) == 1:
             return  # abandoned
         self._calls.pop()
@@ -443,7 +439,7 @@ class MacroExpansion(Expansion):
     def _end_routine(self) -> bool:
         """Wait for more lines, or refuse a program without an end before the next one."""
         frame = self._calls[-1]
-        program = frame.program
+        program = frame.routine
         if program is self._main and (self._current is program or self._ran_out):
             return False
         if not program.closed:
@@ -486,7 +482,7 @@ class MacroExpansion(Expansion):
         number, span = setting.number, setting.parameter.span
         if number == _ALARM:
             frame = self._calls[-1]
-            step = frame.program.code[frame.at]
+            step = frame.routine.code[frame.at]
             assert isinstance(step, Step)
             said = step.text.partition("(")[2].partition(")")[0].strip()
             raise ComputingError(

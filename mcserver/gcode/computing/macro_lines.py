@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from mcserver.gcode.computing.expressions import (
@@ -106,6 +107,7 @@ def program_number(text: str) -> str | None:
     return None if found is None else str(int(found[1]))
 
 
+@dataclass(slots=True, eq=False)
 class Step(Instruction):
     """A step of a program in macro B.
 
@@ -115,15 +117,8 @@ class Step(Instruction):
         arguments: of a macro, by parameter number. text: of a line without expressions.
     """
 
-    __slots__ = ("arguments", "text")
-
-    def __init__(
-        self, kind: str, line: int, span: Span = (1, 2), values: tuple[Value, ...] = (), text: str = ""
-    ) -> None:
-        super().__init__(kind, line, span)
-        self.values = values
-        self.arguments: dict[int, Value] = {}
-        self.text = text
+    arguments: dict[int, Value] = field(default_factory=dict)
+    text: str = ""
 
 
 class MacroProgram(Routine):
@@ -200,9 +195,8 @@ class MacroProgram(Routine):
         test.target = len(self.code) + 2
         if then[1] is not None:
             return [test, _goto(code, then, line)]
-        step = Step("line", line, span)
-        step.template = LineTemplate(" " * then.end() + text[then.end() :], MACRO_B)
-        return [test, step]
+        template = LineTemplate(" " * then.end() + text[then.end() :], MACRO_B)
+        return [test, Step("line", line, span, template=template)]
 
     def _loop(
         self, code: str, word: str, number: int, end: int, line: int, span: Span, test: Step | None = None
@@ -221,9 +215,7 @@ class MacroProgram(Routine):
         _, turn, begun = self._loops.pop()
         if begun is not None:
             begun.target = start + 1
-        back = Step("jump", line, span)
-        back.target = turn
-        return [back]
+        return [Step("jump", line, span, target=turn)]
 
 
 def _faulty(message: str, span: Span, hint: str) -> ComputingError:

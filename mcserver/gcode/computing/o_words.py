@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from mcserver.gcode.computing.expressions import ComputingError, Value, read_value, skip
@@ -68,11 +69,6 @@ class Statement(NamedTuple):
     span: Span
 
 
-def may_be_statement(text: str) -> bool:
-    """Return whether a line begins with the letter O; a fast test before `read_statement`."""
-    return _O_WORD.match(text) is not None
-
-
 def read_statement(text: str, line: int) -> Statement | None:
     """Read the O-word at the start of a line; None if there is none, or only the number of a program.
 
@@ -129,6 +125,7 @@ def _read_values(text: str, at: int) -> tuple[list[Value], int]:
     return values, at
 
 
+@dataclass(slots=True, eq=False)
 class Instruction:
     """A step of a routine.
 
@@ -139,16 +136,13 @@ class Instruction:
         span: columns for faults.
     """
 
-    __slots__ = ("kind", "line", "name", "span", "target", "template", "values")
-
-    def __init__(self, kind: str, line: int, span: Span = (1, 2)) -> None:
-        self.kind = kind
-        self.line = line
-        self.span = span
-        self.target = -1
-        self.template: LineTemplate | None = None
-        self.values: tuple[Value, ...] = ()
-        self.name: str | Value = ""
+    kind: str
+    line: int
+    span: Span = (1, 2)
+    values: tuple[Value, ...] = ()
+    target: int = -1
+    template: LineTemplate | None = None
+    name: str | Value = ""
 
 
 class Routine:
@@ -166,18 +160,24 @@ class Routine:
         self.code: list[Instruction] = []
 
 
+@dataclass(eq=False)
 class _Open:
-    """An O-word that has not been closed."""
+    """An O-word that has not been closed.
 
-    def __init__(self, statement: Statement, start: int) -> None:
-        self.statement = statement
-        self.word = statement.word
-        self.start = start
-        # jumps to its end, jumps to its next turn, and the test that jumps to the next branch
-        self.out: list[Instruction] = []
-        self.next: list[Instruction] = []
-        self.test: Instruction | None = None
-        self.has_else = False
+    Attributes:
+        out, next: jumps to its end, and to its next turn. test: the one that jumps to the next branch.
+    """
+
+    statement: Statement
+    start: int
+    out: list[Instruction] = field(default_factory=list)
+    next: list[Instruction] = field(default_factory=list)
+    test: Instruction | None = None
+    has_else: bool = False
+
+    @property
+    def word(self) -> str:
+        return self.statement.word
 
 
 class BlockCompiler:
@@ -192,7 +192,7 @@ class BlockCompiler:
         self._open: list[_Open] = []
         self._characters = 0
         self._lines = 0
-        self.add_statement(first)
+        self._add_statement(first)
 
     @property
     def closed(self) -> bool:
@@ -210,8 +210,11 @@ class BlockCompiler:
             f"write o{shown_name(innermost.name)} {word} behind its lines",
         )
 
-    def add_line(self, text: str, line: int) -> None:
-        """Add a line without an O-word."""
+    def add(self, text: str, line: int, statement: Statement | None) -> None:
+        """Add the next line; ``statement``: its O-word."""
+        if statement is not None:
+            self._add_statement(statement)
+            return
         self._lines += 1
         self._characters += len(text)
         if self._lines > MOST_LINES or self._characters > MOST_CHARACTERS:
@@ -223,8 +226,7 @@ class BlockCompiler:
             )
         self.routine.code.append(_line_step(text, line))
 
-    def add_statement(self, statement: Statement) -> None:
-        """Add an O-word."""
+    def _add_statement(self, statement: Statement) -> None:
         word = statement.word
         if word == "sub" and self._open:
             raise _structure(statement, "a subprogram stands within another block", "put it ahead of that")
@@ -247,15 +249,8 @@ class BlockCompiler:
             self._close(statement)
         self.routine.last = statement.line
 
-    def _step(self, kind: str, statement: Statement) -> Instruction:
-        step = Instruction(kind, statement.line, statement.span)
-        step.values = statement.values
-        self.routine.code.append(step)
-        return step
-
-    def _jump(self, statement: Statement, target: int = -1) -> Instruction:
-        step = Instruction("jump", statement.line, statement.span)
-        step.target = target
+    def _step(self, kind: str, statement: Statement, target: int = -1) -> Instruction:
+        step = Instruction(kind, statement.line, statement.span, statement.values, target)
         self.routine.code.append(step)
         return step
 
@@ -283,7 +278,7 @@ class BlockCompiler:
         opened = self._innermost(statement, "if")
         if opened.has_else:
             raise _structure(statement, f"{statement.word} stands behind else", "else comes last")
-        opened.out.append(self._jump(statement))
+        opened.out.append(self._step("jump", statement))
         assert opened.test is not None
         opened.test.target = len(self.routine.code)
         opened.test = None
@@ -296,7 +291,7 @@ class BlockCompiler:
         loops = ("while", "do", "repeat")
         for opened in reversed(self._open):
             if opened.word in loops and opened.statement.name == statement.name:
-                step = self._jump(statement)
+                step = self._step("jump", statement)
                 (opened.out if statement.word == "break" else opened.next).append(step)
                 return
         raise _structure(
@@ -314,12 +309,12 @@ class BlockCompiler:
             self._step("return", statement)
         elif opened.word == "while":
             turn = opened.start
-            self._jump(statement, opened.start)
+            self._step("jump", statement, opened.start)
         elif opened.word == "do":
             opened.test = self._step("test", statement)
-            self._jump(statement, opened.start)
+            self._step("jump", statement, opened.start)
         elif opened.word == "repeat":
-            self._step("again", statement).target = opened.start + 1
+            self._step("again", statement, opened.start + 1)
         for step in opened.next:
             step.target = turn
         if opened.test is not None:
@@ -351,11 +346,9 @@ def call_routine(statement: Statement) -> Routine:
             f"o{shown_name(statement.name)} {statement.word} has nothing to belong to",
             "its first O-word is missing above, or has another number",
         )
+    name = statement.number or statement.name
     routine = Routine("", statement.line)
-    step = Instruction("call", statement.line, statement.span)
-    step.values = statement.values
-    step.name = statement.number or statement.name
-    routine.code.append(step)
+    routine.code.append(Instruction("call", statement.line, statement.span, statement.values, name=name))
     return routine
 
 
@@ -376,15 +369,10 @@ def saves(text: str) -> bool:
 
 
 def _line_step(text: str, line: int) -> Instruction:
-    if saves(text):
-        found = _SAVING.match(text)
-        assert found is not None
-        step = Instruction("state", line, (found.start(1) + 1, found.end(1) + 1))
-        step.name = f"M{found[1][-2:]}"
-        return step
-    step = Instruction("line", line)
-    step.template = LineTemplate(text)
-    return step
+    found = _SAVING.match(text)
+    if found is not None and saves(text):
+        return Instruction("state", line, (found.start(1) + 1, found.end(1) + 1), name=f"M{found[1][-2:]}")
+    return Instruction("line", line, template=LineTemplate(text))
 
 
 def file_routine(name: str, text: str) -> Routine:
@@ -397,12 +385,9 @@ def file_routine(name: str, text: str) -> Routine:
     number = 0
     try:
         for number, line in enumerate(split_lines(text), start=1):
-            statement = read_statement(line, number) if may_be_statement(line) else None
+            statement = read_statement(line, number)
             if compiler is not None and not compiler.closed:
-                if statement is None:
-                    compiler.add_line(line, number)
-                else:
-                    compiler.add_statement(statement)
+                compiler.add(line, number, statement)
             elif statement is not None:
                 if compiler is not None or (statement.word, statement.name) != ("sub", name):
                     raise _structure(statement, "another O-word stands outside of the subprogram", "")

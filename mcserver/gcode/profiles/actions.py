@@ -28,7 +28,7 @@ from mcserver.gcode.profiles.codes import (
     TRANSFORMING,
 )
 from mcserver.gcode.profiles.compensation_codes import begin_compensation, end_compensation
-from mcserver.gcode.profiles.cycle_motion import CycleMotion
+from mcserver.gcode.profiles.cycle_motion import CycleMotion, check_travel
 from mcserver.gcode.profiles.directions import coupled
 from mcserver.gcode.profiles.drilling import drill
 from mcserver.gcode.profiles.factors import set_factor
@@ -46,14 +46,9 @@ from mcserver.gcode.profiles.transforming import end_transformation, transform
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.modal import apply_setting
 from mcserver.gcode.semantics.program_places import axis_values, ends_of, given_by, stored_end
-from mcserver.gcode.semantics.program_units import (
-    motor_rpm,
-    shown_number,
-    shown_position,
-)
 from mcserver.gcode.semantics.rapids import rapid_group
 from mcserver.gcode.semantics.tilted_planes import end_plane, face, tilt
-from mcserver.gcode.semantics.travel_limits import ROUNDING
+from mcserver.gcode.semantics.travel_limits import ROUNDING, check_speed
 from mcserver.gcode.text.profile_words import Action, ProfileWord
 from mcserver.machine.work_systems import SYSTEM_NUMBERS
 from mcserver.motion.canonical import (
@@ -67,7 +62,7 @@ from mcserver.motion.canonical import (
     WaitMode,
 )
 from mcserver.motion.thread_cam import stopping_seconds
-from mcserver.units import TURN, AxisType
+from mcserver.units import TURN
 
 
 class Effects(msgspec.Struct):
@@ -299,15 +294,8 @@ def _turn_spindle(block: BlockState, began: Frame, actions: tuple[Action, ...], 
         return
     group = spindle_group(block, frame, axis)
     (speed,) = group.velocities
-    if abs(speed) > axis.max_velocity * (1.0 + 1e-9):
-        most = motor_rpm(axis.max_velocity, axis.travel_per_motor_turn)
-        block.faults.add(
-            "MC202",
-            f"S{frame.spindle_rpm:g} drives the spindle, axis {index}, beyond its max_velocity",
-            place.span,
-            f"its motor may turn at {shown_number(most)} RPM at most",
-            axis=index,
-        )
+    what = f"S{frame.spindle_rpm:g} drives the spindle, axis {index},"
+    check_speed(block, axis, speed, what, place)
     block.commanded.invalidate((index,))
     starts = {action.code for action in actions} & {"M3", "M4"} - block.setup.machine.dialect.waits.keys()
     (before,) = spindle_group(block, began, axis).velocities
@@ -368,16 +356,7 @@ def _rapid(block: BlockState, action: Action, targets: dict[int, float], effects
     targets = {axis: end for axis, end in targets.items() if abs(end - positions[axis]) > ROUNDING}
     starts = {index: block.commanded.start(index) for index in targets}
     for index, end in targets.items():
-        axis = block.setup.axes[index]
-        if not axis.min_position - ROUNDING <= end <= axis.max_position + ROUNDING:
-            shown = shown_position(end, axis.type, block.modal.inch)
-            block.faults.add(
-                "MC201",
-                f"{action.code} takes axis {index} to {shown}, beyond its travel",
-                action.span,
-                "stay within the axis's travel" if axis.type is AxisType.LINEAR else "",
-                axis=index,
-            )
+        check_travel(block, index, end, action, action.code)
         if block.usable_axis(index, action) is None:
             return
         block.end_at(index, end)

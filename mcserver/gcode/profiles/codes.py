@@ -238,10 +238,7 @@ _MACRO_B = (
 )
 REFUSED: Final[Mapping[str, str]] = MappingProxyType(
     {
-        "G5": "splines are read in the profile cnc; let the post write arcs and lines",
-        "G5.1": "splines are read in the profile cnc; let the post write arcs and lines",
-        "G5.2": "splines are read in the profile cnc; let the post write arcs and lines",
-        "G5.3": "splines are read in the profile cnc; let the post write arcs and lines",
+        **dict.fromkeys(SPLINES, "splines are read in the profile cnc; let the post write arcs and lines"),
         "G7": "diameters are halved in the profile cnc, by LinuxCNC's G7; let the post write radii",
         **dict.fromkeys(
             ("G10", "G11"),
@@ -249,22 +246,22 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
         ),
         "G16": "polar coordinates are read in the profile cnc; let the post write X and Y",
         "G33.1": "holes are tapped in the profile cnc; let the CAM mill the thread",
-        "G33": "threads are cut in the profile cnc; let the CAM mill the thread",
-        "G41": "cutter compensation is for the profile cnc; let the CAM compute the tool's own path",
-        "G42": "cutter compensation is for the profile cnc; let the CAM compute the tool's own path",
+        **dict.fromkeys(("G33", "G76"), "threads are cut in the profile cnc; let the CAM mill the thread"),
+        **dict.fromkeys(
+            ("G41", "G42"),
+            "cutter compensation is for the profile cnc; let the CAM compute the tool's own path",
+        ),
         **dict.fromkeys(
             TIP_CONTROL, "the tip is led on the work piece in the profile cnc; let the post write the axes"
         ),
         "G50": "with words it sets a lathe's zero or speed limit; let the post write G92, or D beside G96",
-        "G50.1": "mirrors are for the profile cnc; let the CAM mirror the part",
+        **dict.fromkeys(("G50.1", "G51.1"), "mirrors are for the profile cnc; let the CAM mirror the part"),
         "G51": "scaling is done in the profile cnc; let the CAM scale the part",
-        "G51.1": "mirrors are for the profile cnc; let the CAM mirror the part",
         "G53.1": "the tool is turned in the profile cnc; let the CAM write the rotary axes",
         "G54.1": "there are the systems G54 to G59.3; let the post write one of them",
         "G54.2": "offsets do not turn with the table here; let the post write the moves out",
         "G68": "rotation is done in the profile cnc; let the CAM rotate the part",
         "G68.2": "planes are tilted in the profile cnc; let the post write the rotary axes and the moves",
-        "G76": "threads are cut in the profile cnc; let the CAM mill the thread",
         "G90.1": "arc centres are increments from the start here; let the post write G91.1",
         "M19": "the spindle is turned to an angle in the profile cnc; let the post leave it out",
         "G95": "feed per revolution is for the profile cnc; use G94",

@@ -104,7 +104,9 @@ def height(block: BlockState, axis: int, place: Mapping[int, float]) -> float:
     return back(block.frame.directions, place).get(axis, 0.0)
 
 
-def check_travel(block: BlockState, axis: int, end: float, source: ProfileWord | Action) -> bool:
+def check_travel(
+    block: BlockState, axis: int, end: float, source: ProfileWord | Action, what: str = "the line"
+) -> bool:
     """Report a position beyond the travel of an axis (MC201); return whether it is."""
     limits = block.setup.axes[axis]
     if limits.min_position - ROUNDING <= end <= limits.max_position + ROUNDING:
@@ -112,7 +114,7 @@ def check_travel(block: BlockState, axis: int, end: float, source: ProfileWord |
     shown = shown_position(end, limits.type, block.modal.inch)
     block.faults.add(
         "MC201",
-        f"the line takes axis {axis} to {shown}, beyond its travel",
+        f"{what} takes axis {axis} to {shown}, beyond its travel",
         source.span,
         "stay within the axis's travel",
         axis=axis,

@@ -17,12 +17,6 @@ OFF_SQUARE = 5.0
 _ON_ONE_LINE = 1e-4
 
 
-def about_z(angle: float) -> Directions:
-    """Return directions turned counter-clockwise about Z [rad], exact at quarter turns."""
-    cosine, sine = cosine_and_sine(math.degrees(angle))
-    return (cosine, -sine, 0.0), (sine, cosine, 0.0), (0.0, 0.0, 1.0)
-
-
 def about(axis: int, degrees: float) -> Directions:
     """Return directions turned counter-clockwise about X, Y or Z [deg], exact at quarter turns."""
     cosine, sine = cosine_and_sine(degrees)

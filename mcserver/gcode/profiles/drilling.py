@@ -340,9 +340,7 @@ def _targets(block: BlockState, action: Action, normal: int) -> dict[int, Profil
         if block.usable_axis(word.axis, action) is None:
             return None
         if word.axis in seen:
-            block.faults.add(
-                "MC111", f"{word.letter} stands twice in one command", word.span, "keep one of them"
-            )
+            block.refuse_twice(word)
             return None
         seen.add(word.axis)
         if word.axis > 2 or block.setup.axes[word.axis].type is not AxisType.LINEAR:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import msgspec
 
-from mcserver.gcode.profiles.directions import Directions, Vector, about_z, along, back, product
+from mcserver.gcode.profiles.directions import Directions, Vector, about, along, back, product
 from mcserver.machine.dialect_section import Cutter, Retraction
 from mcserver.machine.machine_file import Machine
 from mcserver.machine.work_systems import ANGLE, SYSTEM_NUMBERS
@@ -212,7 +213,7 @@ class Frame(msgspec.Struct, frozen=True):
     def _turned(self) -> Directions | None:
         """Directions of the work system on the work piece."""
         angle = self.systems.get(self.system, {}).get(ANGLE, 0.0)
-        return about_z(angle) if angle else None
+        return about(2, math.degrees(angle)) if angle else None
 
     @property
     def _facing(self) -> Facing | None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
+from mcserver.gcode.profiles.cycle_motion import check_travel
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.feed_time import turns_of_feed
 from mcserver.gcode.semantics.program_places import ends_of, given_by
-from mcserver.gcode.semantics.program_units import shown_position
 from mcserver.gcode.semantics.travel_limits import ROUNDING
 from mcserver.gcode.text.profile_words import Action, ProfileWord
 from mcserver.motion.canonical import ProbeKind, ProbeLine
@@ -60,7 +60,6 @@ def straight_targets(block: BlockState, action: Action, rotary: str) -> dict[int
     Args:
         rotary: code of the fault for a rotary axis.
     """
-    modal = block.modal
     named: dict[int, ProfileWord] = {}
     if not action.axes:
         block.faults.add("MC118", f"{action.code} names no axis", action.span, "add axis words, such as Z-10")
@@ -79,21 +78,10 @@ def straight_targets(block: BlockState, action: Action, rotary: str) -> dict[int
             block.faults.add("MC138", what, word.span, "use axes whose drives have csp or ip")
             return None
         if word.axis in named:
-            block.faults.add(
-                "MC111", f"{word.letter} stands twice in one command", word.span, "keep one of them"
-            )
+            block.refuse_twice(word)
             return None
         named[word.axis] = word
     found = ends_of(block, given_by(block, named), action)
     for index, end in (found or {}).items():
-        axis = block.setup.axes[index]
-        if not axis.min_position - ROUNDING <= end <= axis.max_position + ROUNDING:
-            shown = shown_position(end, axis.type, modal.inch)
-            block.faults.add(
-                "MC201",
-                f"{action.code} takes axis {index} to {shown}, beyond its travel",
-                named.get(index, action).span,
-                "stay within the axis's travel",
-                axis=index,
-            )
+        check_travel(block, index, end, named.get(index, action), action.code)
     return found

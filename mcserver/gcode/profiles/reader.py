@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 
+from mcserver.errors import Edit
 from mcserver.gcode.line_faults import FaultList
 from mcserver.gcode.notices import DISPLAY, logging_of
 from mcserver.gcode.profiles.advance_codes import klipper_words, without_curve
@@ -26,9 +27,7 @@ from mcserver.gcode.profiles.codes import (
     VOLUMETRIC,
     code_name,
 )
-from mcserver.gcode.profiles.letter_o import found_letter_o
-from mcserver.gcode.profiles.polar_words import POLAR_LETTERS
-from mcserver.gcode.profiles.word_sorter import WordSorter
+from mcserver.gcode.profiles.word_sorter import POLAR_LETTERS, WordSorter
 from mcserver.gcode.text.parser import ParsedLine, scan_line
 from mcserver.gcode.text.profile_words import Action, ProfileWords
 from mcserver.gcode.text.profile_words import ProfileWord as Word
@@ -45,6 +44,7 @@ _COMPUTED = re.compile(
     r"|\A[ \t]*(?:N[0-9]+[ \t]*)?O[ \t]*[0-9]+[ \t]*[A-Z]"
 )
 _PROGRAM_NUMBER = re.compile(r"[ \t]*[O:][ \t]*[0-9]+[ \t]*\Z")
+_WITH_O = re.compile(r"(?<![A-Z<])([A-MP-Z])([-+]?[0-9O.]*O[0-9O.]*)(?![A-Z.0-9])")
 _MACRO = re.compile(r"[ \t]*([A-Z_][A-Z_]{2,}[A-Z0-9_]*)(?![0-9.+-])")
 # words of a language; codes never have four letters in a row
 _PROSE = re.compile(r"[A-Z]{4,}")
@@ -132,16 +132,14 @@ class ProfileReader:
             idle = idle or (
                 name == VOLUMETRIC and _LENGTH.fullmatch(code[head.end() :].replace(" ", "")) is not None
             )
-            if head[1] == "T" and self._sorter.refuse_tool(
-                name, float(head[2]), (head.start(1) + 1, head.end() + 1), faults
-            ):
+            span = (head.start(1) + 1, head.end() + 1)
+            if head[1] == "T" and self._sorter.refuse_tool(name, float(head[2]), span, faults):
                 return nothing()
             if idle and name not in self._sorter.acting and self._dialect.profile == "printer":
                 # the text of M117 is read from the line (D-76)
                 return nothing() if family == "M117" else nothing(name)
             if name in FILES_OF_PRINTERS and self._dialect.profile == "printer":
                 # its words are a file name
-                span = (head.start(1) + 1, head.end() + 1)
                 self._sorter.refuse(Word("M", float(head[2]), head[2], -1, span), name, faults)
                 return nothing()
         said = DISPLAY.match(code) if self._dialect.profile == "printer" else None
@@ -149,12 +147,12 @@ class ProfileReader:
             code = code[: said.start(1)] + " " * (len(code) - said.start(1))
         macro = _MACRO.match(code)
         if macro is not None and macro[1] not in ("IF", "WHILE"):
+            span = (macro.start(1) + 1, macro.end(1) + 1)
             if macro[1] == KLIPPER_ADVANCE and self._dialect.leads:
                 given = klipper_words(code, macro.end(1), faults)
-                action = Action(macro[1], (macro.start(1) + 1, macro.end(1) + 1), given)
+                action = Action(macro[1], span, given)
                 return _line(number, text, code, [], faults, ProfileWords((action,)))
             if self._dialect.mesh_axis is not None:
-                span = (macro.start(1) + 1, macro.end(1) + 1)
                 found = bed_mesh_macro(macro[1], code, span, faults)
                 if found is not None or faults.found:
                     own = () if found is None else (found,)
@@ -164,7 +162,7 @@ class ProfileReader:
             faults.add(
                 "MC145",
                 f"{macro[1]} is a macro of another controller",
-                (macro.start(1) + 1, macro.end(1) + 1),
+                span,
                 "it moves the tool, or what counts behind it: let the slicer write what it does"
                 if MOVING_MACRO.match(macro[1])
                 else f'if it may go without effect, list it in the machine file: ignore = ["{macro[1]}"]',
@@ -230,7 +228,7 @@ class ProfileReader:
     def _words(self, code: str, faults: FaultList) -> list[Word]:
         words: list[Word] = []
         # words of printers may lack their number, and texts have no brackets
-        if "O" in code and self._dialect.profile != "printer" and found_letter_o(code, faults):
+        if "O" in code and self._dialect.profile != "printer" and _found_letter_o(code, faults):
             return words
         exponents = self._dialect.profile != "printer" and "E" not in self._axes and not _IO_CODE.search(code)
         for match in _TOKEN.finditer(code):
@@ -253,9 +251,7 @@ class ProfileReader:
                 axis = self._axes.get(match[5], -1) if own else -1
                 words.append(Word(match[5], 0.0, "0", axis, span))
             elif match[5]:
-                end = re.compile(r"[^ \t]*").match(code, match.start())
-                stop = match.end() if end is None else end.end()
-                shown = code[match.start() : stop]
+                shown = re.split(r"[ \t]", code[match.start() :], maxsplit=1)[0]
                 if shown.isalpha() and len(shown) == 1:
                     hint = f"write {shown}0 if zero is meant"
                     faults.add("MC102", f"{shown} has no number", span, hint)
@@ -263,7 +259,7 @@ class ProfileReader:
                 reason = f"{shown} is not a word of a program"
                 if match[5] in _FIRMWARE:
                     reason = f"{shown} is a command to a controller's firmware, not a word of a program"
-                faults.add("MC103", reason, (span[0], stop + 1), "take the line out")
+                faults.add("MC103", reason, (span[0], span[0] + len(shown)), "take the line out")
                 break
             elif match[1] and match[1] in POLAR_LETTERS and self._dialect.profile != "cnc":
                 faults.add(
@@ -281,6 +277,25 @@ class ProfileReader:
                 own = match[1] in INCREMENTAL_LETTERS and match[1] in self._dialect.letters
                 words.append(Word(f"[{axis}]" if own else match[1], float(match[2]), match[2], axis, span))
         return words
+
+
+def _found_letter_o(code: str, faults: FaultList) -> bool:
+    """Report the first number of a line with the letter O among its digits (MC101).
+
+    A lone O counts as a digit where only a number fits, as in ``XO``; not in O-words and program numbers.
+    """
+    for found in _WITH_O.finditer(code):
+        digits = found[2].replace("O", "0")
+        if re.fullmatch(_NUMBER, digits):
+            faults.add(
+                "MC101",
+                f"'{found[0]}' holds the letter O where the digit 0 belongs",
+                (found.start() + 1, found.end() + 1),
+                f"write {found[1]}{digits}",
+                edit=Edit(found.start(2) + 1, found.end(2) + 1, digits),
+            )
+            return True
+    return False
 
 
 def _blank(text: str) -> str:
@@ -307,11 +322,7 @@ def _line(
         (word.letter if word.axis < 0 or word.letter in AXIS_LETTERS else f"[{word.axis}]", word.text, "")
         for word in words
     ]
-    scanned = Scan(code, tokens, [word.span for word in words])
-    parsed = ParsedLine(number, text, scanned)
-    parsed.profile = profile
-    parsed.analyse(faults)
-    return parsed
+    return ParsedLine(number, text, Scan(code, tokens, [word.span for word in words]), faults, profile)
 
 
 Reader = Callable[[str, int], ParsedLine]

@@ -15,7 +15,7 @@ from mcserver.gcode.semantics.travel_limits import check_travel
 from mcserver.gcode.text.profile_words import Action
 from mcserver.motion.canonical import MotionLine
 from mcserver.motion.geometry.curves import Array
-from mcserver.motion.geometry.rational_curve import Cusp, RationalCurve, rational_curve
+from mcserver.motion.geometry.rational_curve import Cusp, rational_curve
 from mcserver.units import AxisType
 
 PLANE = (0, 1)
@@ -120,8 +120,16 @@ def curve_line(
     block: BlockState, action: Action, points: Array, weights: Array | None = None
 ) -> MotionLine | None:
     """Return the motion along the curve of control points, shape (n, 2) [m]; None after a fault."""
-    curve = _curve(block, action, points, weights)
-    if curve is None or block.faults.found:
+    try:
+        curve = rational_curve(PLANE, points, weights)
+    except Cusp as fault:
+        what = "the curve comes to a stand or has a cusp"
+        if fault.radius:
+            what = f"the curve bends within {shown_length(fault.radius, block.modal.inch)}"
+        hint = "keep its control points away from its ends and from each other, or divide it into several"
+        refuse(block, action, what, hint)
+        return None
+    if block.faults.found:
         return None
     low, high = curve.bounds()
     words = {word.axis: word for word in action.axes}
@@ -137,19 +145,3 @@ def curve_line(
     if group is None:
         return None
     return MotionLine(block.parsed.number, (group,), tolerance=block.path_tolerance, feed_length=curve.length)
-
-
-def _curve(block: BlockState, action: Action, points: Array, weights: Array | None) -> RationalCurve | None:
-    try:
-        return rational_curve(PLANE, points, weights)
-    except Cusp as fault:
-        radius = shown_length(fault.radius, block.modal.inch)
-        refuse(
-            block,
-            action,
-            f"the curve bends within {radius}"
-            if fault.radius
-            else "the curve comes to a stand or has a cusp",
-            "keep its control points away from its ends and from each other, or divide it into several",
-        )
-        return None

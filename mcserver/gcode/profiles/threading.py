@@ -131,7 +131,8 @@ def _endless_spindle(block: BlockState, action: Action) -> Axis | None:
     axis = block.usable_axis(index, action)
     if axis is None:
         return None
-    if axis.type is not AxisType.ROTARY or axis.profiled or not _endless(axis):
+    endless = math.isinf(axis.min_position) and math.isinf(axis.max_position)
+    if axis.type is not AxisType.ROTARY or axis.profiled or not endless:
         block.faults.add(
             "MC177",
             f"{action.code} needs a spindle that turns on and on, and axis {index} does not",
@@ -141,10 +142,6 @@ def _endless_spindle(block: BlockState, action: Action) -> Axis | None:
         )
         return None
     return axis
-
-
-def _endless(axis: Axis) -> bool:
-    return math.isinf(axis.min_position) and math.isinf(axis.max_position)
 
 
 def _words(block: BlockState, action: Action, letter: str, what: str, refused: str) -> dict[str, float]:

@@ -46,13 +46,11 @@ def refuse_beside(block: BlockState, profile: ProfileWords) -> None:
             _refuse(block, action, what, found)
 
 
-def _refuse(block: BlockState, action: Action, what: str, found: Transformation) -> None:
-    block.faults.add(
-        "MC185",
-        f"{what} does not go together with {found.names}",
-        action.span,
-        f"end that by {found.enders} first",
-    )
+def _refuse(
+    block: BlockState, action: Action, what: str, found: Transformation, names: str | None = None
+) -> None:
+    message = f"{what} does not go together with {names or found.names}"
+    block.faults.add("MC185", message, action.span, f"end that by {found.enders} first")
 
 
 def _of_tools(action: Action) -> bool:
@@ -137,13 +135,7 @@ def _rotate(block: BlockState, action: Action) -> None:
         # G69 ends both
         _refuse(block, action, "G68", found)
     if found.polar is not None or (scaling is not None and found.mirrors(plane)):
-        reason = "G16" if found.polar is not None else f"{found.names}, which mirrors"
-        block.faults.add(
-            "MC185",
-            f"G68 does not go together with {reason}",
-            action.span,
-            f"end that by {found.enders} first",
-        )
+        _refuse(block, action, "G68", found, "G16" if found.polar else f"{found.names}, which mirrors")
     if scaling is not None and not found.keeps_circles(plane):
         block.faults.add(
             "MC185",
@@ -274,9 +266,7 @@ def _places(block: BlockState, action: Action, axes: frozenset[int]) -> dict[int
     found: dict[int, float] = {}
     for word in action.axes:
         if word.axis in found:
-            block.faults.add(
-                "MC111", f"{word.letter} stands twice in one command", word.span, "keep one of them"
-            )
+            block.refuse_twice(word)
         elif word.axis in axes:
             found[word.axis] = word.value * length_scale(block.modal.inch)
     return found

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Final
 
 import msgspec
 
 from mcserver.gcode.line_faults import FaultList, Span
 from mcserver.gcode.profiles.codes import (
+    DRILLING,
     IGNORED,
     IO_WORDS,
     MOTIONS,
@@ -21,11 +25,11 @@ from mcserver.gcode.profiles.codes import (
     SILENT,
     SPINDLE,
     TAKES_AXES,
+    TILTING,
     acting_of,
     code_name,
     settings_of,
 )
-from mcserver.gcode.profiles.polar_words import POLAR_LETTERS, as_axis_words
 from mcserver.gcode.text.profile_words import Action, ProfileWords
 from mcserver.gcode.text.profile_words import ProfileWord as Word
 from mcserver.gcode.text.words import INCREMENTAL_LETTERS
@@ -41,6 +45,8 @@ _COUNT = re.compile(r"L")
 _DIN_UNITS = {"G70": "20", "G71": "21"}
 
 _OWN_LINE = "give each a line of its own"
+# axis whose word each of LinuxCNC's polar words replaces (D-96)
+POLAR_LETTERS: Final[Mapping[str, int]] = MappingProxyType({"@": 0, "^": 1})
 
 
 class WordSorter:
@@ -145,11 +151,12 @@ class WordSorter:
                 loose.append(word)
             else:
                 own.append(word)
-        loose += as_axis_words(polar, codes, loose, machine_frame, faults)
+        loose += _as_axis_words(polar, codes, loose, machine_frame, faults)
+        tilting = TILTING & {code_name(word.letter, word.value) for word in words if word.letter == "G"}
         if faults.found:
             # only report the fault found: keep what sets modal state, drop the words that depended on it
             known = [*settings, *feeds, *(motions + loose if compensated and motions else [])]
-            return known, ProfileWords(ignored=tuple(ignored))
+            return known, ProfileWords(ignored=tuple(ignored), tilting=tilting)
         taken = self._io_words(codes, own, loose, faults)
         self._one_motion(codes, motions, machine_frame, faults)
         repeated = not (motions or taken) and self._repeats_cycle(codes, own, loose)
@@ -172,7 +179,7 @@ class WordSorter:
             if code_name(word.letter, word.value) == "G64":
                 ordered += tolerances[:1]
         ordered += [*feeds, *motions, *loose, *stops]
-        return ordered, ProfileWords(tuple(actions), machine_frame, tuple(ignored), bool(polar))
+        return ordered, ProfileWords(tuple(actions), machine_frame, tuple(ignored), bool(polar), tilting)
 
     def _io_words(
         self, codes: list[Word], own: list[Word], loose: list[Word], faults: FaultList
@@ -341,6 +348,38 @@ class WordSorter:
                 if word.letter == "M"
                 else "let the post write what the profile reads",
             )
+
+
+def _as_axis_words(
+    polar: Sequence[Word],
+    codes: Sequence[Word],
+    words: Sequence[Word],
+    machine_frame: bool,
+    faults: FaultList,
+) -> list[Word]:
+    """Return words @ and ^ as X and Y, which are then read as radius and angle; empty after a fault (MC153).
+
+    Args:
+        codes, words: of their line, the latter with axes. machine_frame: G53 is one of its codes.
+    """
+    if not polar:
+        return []
+    axes = {POLAR_LETTERS[word.letter]: word for word in polar}
+    takers = {code_name(word.letter, word.value) for word in codes} & TAKES_AXES
+    others = sorted(takers - DRILLING - PROBING - {"REPEAT"}) + ["G53"] * machine_frame
+    if len(axes) < len(polar) or any(word.axis in (0, 1) for word in words) or others:
+        # the second of two equal letters, or any
+        word = polar[-1]
+        faults.add(
+            "MC153",
+            f"{word.letter}{word.text} does not go together with {others[0] if others else 'X and Y'}",
+            word.span,
+            "@ and ^ are a move's radius and angle, in place of X and Y",
+        )
+        return []
+    return [
+        msgspec.structs.replace(word, letter="XY"[axis], axis=axis) for axis, word in sorted(axes.items())
+    ]
 
 
 def _strays(own: list[Word], names: set[str], beside: str) -> list[str]:

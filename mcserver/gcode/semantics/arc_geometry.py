@@ -49,11 +49,7 @@ def radius_tolerance(profile: str, *, inch: bool) -> RadiusTolerance:
     return RadiusTolerance(least, 0.001 / 0.999, 100.0 * least)
 
 
-class ArcFault(Exception):
-    """An arc is not defined; the subclasses are the reasons."""
-
-
-class ChordTooLong(ArcFault):
+class ChordTooLong(Exception):
     """The chord is longer than 2|R| by more than the radius tolerance."""
 
     def __init__(self, chord: float) -> None:
@@ -61,11 +57,11 @@ class ChordTooLong(ArcFault):
         self.chord = chord
 
 
-class SamePoint(ArcFault):
+class SamePoint(Exception):
     """Start and end are within `SMALLEST_SWEEP` as seen from the centre, so that R fixes no centre."""
 
 
-class RadiusMismatch(ArcFault):
+class RadiusMismatch(Exception):
     """The radii at start and end differ by more than the radius tolerance."""
 
     def __init__(self, start_radius: float, end_radius: float) -> None:
@@ -74,7 +70,7 @@ class RadiusMismatch(ArcFault):
         self.end_radius = end_radius
 
 
-class ZeroRadius(ArcFault):
+class ZeroRadius(Exception):
     """The centre lies on the start or the end point."""
 
 

@@ -56,7 +56,7 @@ def read_words(block: BlockState, command: Command) -> Words:
     turns: Word | None = None
     for item in command.items:
         if isinstance(item, Setting):
-            apply_setting_item(block, item)
+            _apply_setting_item(block, item)
             continue
         letter = item.letter
         if item.axis >= 0 or letter == "[":
@@ -71,13 +71,13 @@ def read_words(block: BlockState, command: Command) -> Words:
         elif letter == "P":
             turns = item
         elif letter == "F":
-            apply_feed_word(block, item)
+            _apply_feed_word(block, item)
         elif letter == "T":
-            apply_tool_word(block, item)
+            _apply_tool_word(block, item)
     return Words(tuple(axes), offsets, radius, turns)
 
 
-def apply_setting_item(block: BlockState, setting: Setting) -> None:
+def _apply_setting_item(block: BlockState, setting: Setting) -> None:
     """Apply a modal code; the P of G64 must not be negative."""
     argument = setting.argument
     tolerance: float | None = None
@@ -112,7 +112,7 @@ def apply_setting_item(block: BlockState, setting: Setting) -> None:
     block.modal = apply_setting(setting.spec.number, block.modal, tolerance)
 
 
-def apply_feed_word(block: BlockState, word: Word) -> None:
+def _apply_feed_word(block: BlockState, word: Word) -> None:
     """Set F from its place on; F <= 0 is a fault (D-11)."""
     least = smallest_feed(block.modal)
     if block.modal.per_turn and word.value * length_scale(block.modal.inch) > LARGEST_FEED_PER_TURN * MM:
@@ -142,7 +142,7 @@ def apply_feed_word(block: BlockState, word: Word) -> None:
     block.change(feed=ASSUMED_FEED)
 
 
-def apply_tool_word(block: BlockState, word: Word) -> None:
+def _apply_tool_word(block: BlockState, word: Word) -> None:
     """Select the tool of T until G1050 or another T (D-50)."""
     setup = block.setup
     if word.value != word.value:

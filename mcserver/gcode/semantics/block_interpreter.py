@@ -14,22 +14,15 @@ from mcserver.gcode.profiles.nurbs import read_control_line
 from mcserver.gcode.profiles.surface_speed import follow_zero, part_by_turns
 from mcserver.gcode.profiles.transforming import read_polar_line, refuse_beside
 from mcserver.gcode.semantics.arcs import command_number
-from mcserver.gcode.semantics.axis_words import (
-    Words,
-    apply_feed_word,
-    apply_setting_item,
-    apply_tool_word,
-    read_words,
-)
+from mcserver.gcode.semantics.axis_words import Words, read_words
 from mcserver.gcode.semantics.block_state import ASSUMED_TOOL, BlockState
 from mcserver.gcode.semantics.feed_time import FeedMove, feed_group
-from mcserver.gcode.semantics.holding_torque import check_holding
 from mcserver.gcode.semantics.modal import Feed, initial_modal
 from mcserver.gcode.semantics.moves import arc, line, rapid, transmit_speed, transmit_torque
+from mcserver.gcode.semantics.path_checks import check_holding, check_window
 from mcserver.gcode.semantics.tilted_planes import check_plane
 from mcserver.gcode.semantics.tip_moves import refuse_beside_tip, tip_feed_move, tip_rapid
 from mcserver.gcode.semantics.tool_moves import tool_feed_move, tool_rapid
-from mcserver.gcode.semantics.tool_window import check_window
 from mcserver.gcode.text.command_table import Kind
 from mcserver.gcode.text.profile_words import Action, ProfileWord, ProfileWords
 from mcserver.gcode.text.syntax import Command, Group, Setting
@@ -166,7 +159,7 @@ class BlockInterpreter:
         spec = command.spec
         kind = None if spec is None else spec.kind
         if spec is None and not command.moves:
-            self._settings(command)
+            read_words(self.block, command)
         elif spec is None or kind is Kind.MOVE:
             self._move(command, feed_moves)
         elif kind is Kind.DIRECT:
@@ -193,15 +186,6 @@ class BlockInterpreter:
     ) -> None:
         check_holding(self.block, command, curves, start)
         check_window(self.block, command, curves, start)
-
-    def _settings(self, command: Command) -> None:
-        for item in command.items:
-            if not isinstance(item, Word):
-                apply_setting_item(self.block, item)
-            elif item.letter == "F":
-                apply_feed_word(self.block, item)
-            elif item.letter == "T":
-                apply_tool_word(self.block, item)
 
     def _move(self, command: Command, feed_moves: list[FeedMove]) -> None:
         block = self.block

@@ -79,19 +79,6 @@ def set_up(
 class BlockState:
     """A line's effect on the state, committed only if it has no fault (D-04)."""
 
-    __slots__ = (
-        "commanded",
-        "compensation",
-        "exact_stop",
-        "faults",
-        "feed_length",
-        "modal",
-        "moved",
-        "parsed",
-        "setup",
-        "tolerance",
-    )
-
     def __init__(
         self,
         setup: Setup,
@@ -110,6 +97,11 @@ class BlockState:
         self.exact_stop = False
         self.tolerance = 0.0
         self.feed_length = 0.0
+
+    @property
+    def faulty(self) -> bool:
+        """Whether the line has a fault so far, and not only warnings."""
+        return any(fault.severity == "error" for fault in (*self.parsed.faults, *self.faults.found))
 
     @property
     def path_tolerance(self) -> float:
@@ -183,6 +175,10 @@ class BlockState:
             known = ", ".join(str(number) for number in sorted(self.setup.axes))
             message, hint = f"the machine {machine.name} has no axis {index}", f"its axes are {known}"
         self.faults.add("MC108", message, self.span(source), hint, axis=index)
+
+    def refuse_twice(self, word: ProfileWord) -> None:
+        """Report a word that an action has already (MC111)."""
+        self.faults.add("MC111", f"{word.letter} stands twice in one command", word.span, "keep one of them")
 
     def superimposed(self, index: int) -> Superimposed | None:
         """Return the axis's motion that is superimposed on the program's (D-142); None without one."""

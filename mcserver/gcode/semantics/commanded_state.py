@@ -18,9 +18,10 @@ class CommandedState:
         poses: last commanded pose of each tool.
         stale: tools of which a joint was moved directly since that pose.
         guessed: axes whose position is a guess after a fault; only in checks.
+        plane_lost: a tilted plane was refused (D-111), so that moves end where nobody knows; only in checks.
     """
 
-    __slots__ = ("guessed", "poses", "positions", "stale", "starts", "unsynced")
+    __slots__ = ("guessed", "plane_lost", "poses", "positions", "stale", "starts", "unsynced")
 
     def __init__(self, positions: Mapping[int, float]) -> None:
         self.positions = dict(positions)
@@ -29,6 +30,7 @@ class CommandedState:
         self.poses: dict[int, Pose] = {}
         self.stale: set[int] = set()
         self.guessed: set[int] = set()
+        self.plane_lost = False
 
     def copy(self) -> CommandedState:
         """Return an independent copy."""
@@ -38,6 +40,7 @@ class CommandedState:
         other.poses = dict(self.poses)
         other.stale = set(self.stale)
         other.guessed = set(self.guessed)
+        other.plane_lost = self.plane_lost
         return other
 
     def synced(self, axes: Sequence[int]) -> bool:

@@ -53,8 +53,7 @@ def compensate(
     """
     compensation = block.compensation
     assert compensation is not None
-    faulty = any(fault.severity == "error" for fault in (*block.parsed.faults, *block.faults.found))
-    if faulty or not _is_allowed(block, before, values):
+    if block.faulty or not _is_allowed(block, before, values):
         released = release(compensation)
         block.compensation = msgspec.structs.replace(compensation, held=None, place=None, lost=True)
         return [*released, *values]

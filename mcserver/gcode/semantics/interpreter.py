@@ -24,6 +24,7 @@ from mcserver.gcode.semantics.compensation_state import Compensation
 from mcserver.gcode.semantics.modal import INITIAL, ModalState, initial_modal, with_tables
 from mcserver.gcode.semantics.position_sync import find_axes_to_sync
 from mcserver.gcode.semantics.program_bodies import read_bodies
+from mcserver.gcode.semantics.tilted_planes import lose_plane
 from mcserver.gcode.semantics.tip_moves import tip_coordinates
 from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.gcode.text.command_table import Kind
@@ -169,16 +170,9 @@ class Interpreter:
         points = self._modal.control_points
         if points is not None:
             self._modal = msgspec.structs.replace(self._modal, control_points=None)
-            raise ProgramRejected(
-                [
-                    Diagnostic(
-                        code="MC189",
-                        line=points.line,
-                        message="no G5.3 ends the curve that begins here",
-                        hint="write G5.3 behind its last control point",
-                    )
-                ]
-            )
+            message = "no G5.3 ends the curve that begins here"
+            hint = "write G5.3 behind its last control point"
+            raise ProgramRejected([Diagnostic("MC189", message, points.line, hint=hint)])
 
     def finish(self) -> list[Canonical]:
         """Return the move held back at the end of a text without M2, and what follows it."""
@@ -197,11 +191,12 @@ class Interpreter:
         Raises:
             ProgramRejected: with every fault of the line; the state is as before it (D-04).
         """
-        if self._ended:
+        if self._ended or _idle(parsed):
             return []
-        if _idle(parsed):
-            return []
-        return self._interpret_block(parsed)
+        interpreted, values = self._read(parsed)
+        faults_of(interpreted.block).raise_if_any()
+        self._commit(interpreted)
+        return values
 
     def interpret_text(self, text: str, number: int) -> list[Canonical]:
         """Parse and interpret one line.
@@ -301,28 +296,18 @@ class Interpreter:
         self._frame = found.modal.frame or self._frame
         return found
 
-    def _interpret_block(self, parsed: ParsedLine) -> list[Canonical]:
-        interpreted, values = self._read(parsed)
-        faults_of(interpreted.block).raise_if_any()
-        self._commit(interpreted)
-        return values
-
-    def check(self, parsed: ParsedLine) -> tuple[Diagnostic, ...]:
-        """Return all faults of the line, and continue from the best guess of its meaning; for checks only."""
-        return self.check_line(parsed)[0]
-
     def check_line(self, parsed: ParsedLine) -> tuple[tuple[Diagnostic, ...], Sequence[Canonical]]:
         """Return all faults of the line, and its values as far as known; continue from the best guess.
 
         For checks only.
         """
-        if self._ended:
+        if self._ended or _idle(parsed):
             return (), ()
-        if _idle(parsed):
-            return (), ()
+        plane_lost = self._commanded.plane_lost
         interpreted, values = self._read(parsed)
         self._commit(interpreted)
-        return faults_of(interpreted.block).in_reading_order(), values
+        found = faults_of(interpreted.block).in_reading_order()
+        return tuple(each for each in found if not (plane_lost and each.code == "MC201")), values
 
     def _read(self, parsed: ParsedLine) -> tuple[BlockInterpreter, list[Canonical]]:
         if counts_diameters(parsed, self._modal.diameter):
@@ -335,6 +320,8 @@ class Interpreter:
         values = interpreted.values
         if block.compensation is not None:
             values = compensate(block, self._modal, self._commanded.path_starts(), values)
+        if parsed.profile is not None and parsed.profile.tilting and block.faulty:
+            lose_plane(block, parsed.profile.tilting)
         return interpreted, values
 
     def _commit(self, interpreted: BlockInterpreter) -> None:

@@ -206,16 +206,3 @@ def apply_setting(code: int, modal: ModalState, tolerance: float | None = None) 
         case 1050:
             return msgspec.structs.replace(modal, tool=None)
     raise ValueError(f"G{code} is not a modal code")
-
-
-__all__ = [
-    "INITIAL",
-    "Feed",
-    "ModalState",
-    "apply_setting",
-    "initial_modal",
-    "read_feed",
-    "smallest_feed",
-    "with_frame",
-    "with_tables",
-]

@@ -14,9 +14,9 @@ from mcserver.gcode.semantics.arcs import find_arc, find_plane
 from mcserver.gcode.semantics.axis_words import Target, Words, resolve_targets
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.feed_time import FeedBasis, FeedMove, feed_basis, profile_feed_basis
-from mcserver.gcode.semantics.program_units import motor_rpm, motor_speed, shown_number
+from mcserver.gcode.semantics.program_units import motor_speed
 from mcserver.gcode.semantics.rapids import rapid_group
-from mcserver.gcode.semantics.travel_limits import check_travel
+from mcserver.gcode.semantics.travel_limits import check_speed, check_travel
 from mcserver.gcode.text.syntax import Command
 from mcserver.gcode.text.words import INCREMENTAL_LETTERS, Word
 from mcserver.motion.canonical import FeedGroup, RapidGroup, SpeedGroup, TorqueGroup
@@ -233,15 +233,7 @@ def transmit_speed(block: BlockState, command: Command, words: Words) -> SpeedGr
     for word, index in _transmitted(block, command, words):
         axis = block.setup.axes[index]
         speed = motor_speed(word.value, axis.travel_per_motor_turn)
-        if abs(speed) > axis.max_velocity * (1.0 + 1e-9):
-            most = motor_rpm(axis.max_velocity, axis.travel_per_motor_turn)
-            block.faults.add(
-                "MC202",
-                f"{word.value:g} RPM drives axis {index} beyond its max_velocity",
-                block.span(word),
-                f"its motor may turn at {shown_number(most)} RPM at most",
-                axis=index,
-            )
+        check_speed(block, axis, speed, f"{word.value:g} RPM drives axis {index}", word)
         axes.append(index)
         speeds.append(speed)
     return SpeedGroup(tuple(axes), tuple(speeds)) if axes else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -11,15 +12,17 @@ from mcserver.gcode.profiles.directions import cosine_and_sine
 from mcserver.gcode.profiles.transformation import Transformation
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.program_units import axis_scale, length_scale
-from mcserver.gcode.semantics.rollover import rolled_over
 from mcserver.gcode.text.profile_words import Action, ProfileWord
 from mcserver.gcode.text.words import INCREMENTAL_LETTERS, Word
 from mcserver.machine.sections import Rollover
+from mcserver.units import TURN
 
 # rounding error of an axis that stays, after rotating there and back [m]
 _SAME_PLACE = 1e-12
 # distance from the origin below which a point has no angle [m]
 _ORIGIN = 1e-9
+# an axis this close to the angle does not turn, and to half a turn has two equal ways [rad]
+_EQUAL = 1e-9
 
 
 class WordValue(NamedTuple):
@@ -56,6 +59,29 @@ def stored_end(block: BlockState, axis: int, stored: float) -> float:
     return stored
 
 
+def rolled_over(rollover: Rollover, written: float, zero: float, start: float) -> float:
+    """Return the position for an absolute word [rad].
+
+    Fanuc's rotary axis roll-over turns the shorter way, for half a turn forwards. Its rotary axis control,
+    and LinuxCNC's wrapped rotary axis, take the sign as direction: C-90 turns backwards to 90 degrees.
+
+    Args:
+        written: of the word. zero: of the program, as an axis position. start: the axis's position [rad].
+    """
+    signed = rollover == "sign"
+    end = zero + (abs(written) if signed else written)
+    way = math.remainder(end - start, TURN)
+    if abs(way) <= _EQUAL:
+        return start
+    if signed:
+        backwards = math.copysign(1.0, written) < 0.0
+        turns = -1 if backwards and way > 0.0 else int(not backwards and way < 0.0)
+    else:
+        turns = int(way <= _EQUAL - TURN / 2.0)
+    # add whole turns to the word, so that the angle is exactly the written one
+    return end + TURN * (round((start + way - end) / TURN) + turns)
+
+
 def axis_values(block: BlockState, action: Action) -> dict[int, float]:
     """Return an action's axis words by axis [m or rad], without faulty ones, which are reported."""
     found: dict[int, float] = {}
@@ -64,9 +90,7 @@ def axis_values(block: BlockState, action: Action) -> dict[int, float]:
         if axis is None:
             block.refuse_missing_axis(word.axis, word)
         elif word.axis in found:
-            block.faults.add(
-                "MC111", f"{word.letter} stands twice in one command", word.span, "keep one of them"
-            )
+            block.refuse_twice(word)
         else:
             found[word.axis] = word.value * axis_scale(axis.type, block.modal.inch)
     return found

@@ -45,11 +45,6 @@ def motor_rpm(speed: float, travel_per_turn: float) -> float:
     return speed * MINUTE / travel_per_turn
 
 
-def angle(degrees: float) -> float:
-    """Convert degrees to radians."""
-    return degrees * DEGREE
-
-
 def shown_number(value: float) -> str:
     """Format a number for messages: up to six decimals, no exponent, no trailing zeros."""
     text = f"{value:.6f}".rstrip("0").rstrip(".")
@@ -66,8 +61,3 @@ def shown_position(value: float, axis_type: AxisType, inch: bool) -> str:
     if axis_type is AxisType.LINEAR:
         return shown_length(value, inch)
     return f"{shown_number(value / DEGREE)} deg"
-
-
-def millimetres(metres: float) -> float:
-    """Convert metres to millimetres."""
-    return metres / MM

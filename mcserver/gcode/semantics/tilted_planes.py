@@ -65,8 +65,6 @@ _EXAMPLES: Mapping[int, str] = MappingProxyType(
         _VECTORS: "such as G68.2 P3 Q1 X0 Y0 Z0 I1 J0 K1 and G68.2 P3 Q2 I-1 J0 K1",
     }
 )
-# how the refusal of a line begins that is not the next one of its plane
-OUT_OF_ORDER = "here G68.2"
 _ORDERS = frozenset({123, 132, 213, 231, 312, 321})
 
 
@@ -78,6 +76,10 @@ class _Refusal(Exception):
         self.message, self.hint, self.code = message, hint, code
 
 
+class _OutOfOrder(_Refusal):
+    """A line of a plane by points or vectors is not the next one."""
+
+
 def tilt(block: BlockState, action: Action) -> None:
     """Put a plane in force by angles, points or vectors; nothing moves until G53.1 has turned the tool."""
     try:
@@ -85,11 +87,13 @@ def tilt(block: BlockState, action: Action) -> None:
         before = () if block.frame.plane is None else block.frame.plane.lines
         origin, directions = _plane_of((*before, line), order)
     except _Refusal as refusal:
-        block.faults.add(refusal.code, refusal.message, action.span, refusal.hint)
+        if not (block.commanded.plane_lost and isinstance(refusal, _OutOfOrder)):
+            block.faults.add(refusal.code, refusal.message, action.span, refusal.hint)
         return
     tool = leading_tool(block, action)
     if tool is not None:
         open_lines = (*before, line) if directions is None else ()
+        block.commanded.plane_lost = False
         _put(block, TiltedPlane(tool, origin, directions or UNTURNED, lines=open_lines))
 
 
@@ -150,7 +154,7 @@ def _check_sequence(before: Sequence[PlaneLine], form: int, number: int) -> None
     expected = {before[-1].number + 1} if before else {0, 1} if form == _POINTS else {1}
     if number not in expected:
         shown = " or ".join(f"Q{each}" for each in sorted(expected))
-        raise _Refusal(f"{OUT_OF_ORDER} P{form} needs {shown}", _EXAMPLES[form])
+        raise _OutOfOrder(f"here G68.2 P{form} needs {shown}", _EXAMPLES[form])
 
 
 def _incomplete(lines: Sequence[PlaneLine]) -> str:
@@ -192,6 +196,8 @@ def face(block: BlockState, action: Action) -> dict[int, float]:
     """Return where G53.1 turns the rotary axes, by number [rad]; none after a fault (MC175, MC176)."""
     frame, setup = block.frame, block.setup
     plane = frame.plane
+    if plane is None and block.commanded.plane_lost:
+        return {}
     if plane is None or action.axes or action.words.keys() - {"S", "T"}:
         what = "G53.1 takes no words" if plane is not None else "no G68.2 gives a plane for G53.1"
         block.faults.add("MC175", what, action.span, "write G68.2 X… Y… Z… I… J… K…, and G53.1 behind it")
@@ -221,8 +227,16 @@ def face(block: BlockState, action: Action) -> dict[int, float]:
 
 def end_plane(block: BlockState) -> None:
     """Carry out G69: the axes stay where they are."""
+    block.commanded.plane_lost = False
     if block.frame.plane is not None:
         _put(block, None)
+
+
+def lose_plane(block: BlockState, codes: frozenset[str]) -> None:
+    """Continue a check without the plane of a line with G68.2 or G53.1 that has a fault."""
+    if "G68.2" in codes or block.frame.plane is not None:
+        end_plane(block)
+        block.commanded.plane_lost = True
 
 
 def check_plane(

@@ -14,13 +14,14 @@ from mcserver.gcode.semantics.arcs import find_arc, find_plane
 from mcserver.gcode.semantics.axis_words import Words
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.feed_time import FeedBasis, FeedMove
-from mcserver.gcode.semantics.program_units import angle, length_scale, millimetres
+from mcserver.gcode.semantics.program_units import length_scale
 from mcserver.gcode.semantics.tip_lines import tip_line
 from mcserver.gcode.semantics.tool_pose import commanded_pose, start_pose, with_words
 from mcserver.gcode.text.profile_words import Action
 from mcserver.gcode.text.syntax import Command
 from mcserver.motion.canonical import RapidGroup
 from mcserver.motion.geometry.curves import LineCurve, SampledCurve, TipLine
+from mcserver.units import DEGREE, MM
 
 NO_TRAVEL = 1e-9  # m; below it a move only turns
 
@@ -152,7 +153,7 @@ def _read_poses(block: BlockState, command: Command, words: Words) -> Found | No
         if word.value != word.value:
             usable = False
         elif 0 <= word.axis <= 5:
-            value = word.value * length_scale(entry.inch) if word.axis <= 2 else angle(word.value)
+            value = word.value * length_scale(entry.inch) if word.axis <= 2 else word.value * DEGREE
             if entry.incremental:
                 value += pose.position[word.axis] if word.axis <= 2 else pose.angles[word.axis - 3]
             values[word.axis] = value
@@ -227,5 +228,5 @@ def report_unsolved(block: BlockState, command: Command | Action, tool: int, err
         error.hint,
         axis=error.axis,
         tool=tool if error.tool is None else error.tool,
-        residual_mm=None if error.residual is None else millimetres(error.residual),
+        residual_mm=None if error.residual is None else error.residual / MM,
     )

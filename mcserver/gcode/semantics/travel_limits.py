@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mcserver.gcode.semantics.block_state import BlockState
-from mcserver.gcode.semantics.program_units import shown_position
+from mcserver.gcode.semantics.program_units import motor_rpm, shown_number, shown_position
 from mcserver.gcode.text.profile_words import Action, ProfileWord
 from mcserver.gcode.text.syntax import Command
 from mcserver.gcode.text.words import Word
@@ -22,6 +22,21 @@ def travel_of(block: BlockState, axis: Axis) -> tuple[float, float]:
     if besides is not None:
         low, high = low - besides.low, high - besides.high
     return low, high
+
+
+def check_speed(
+    block: BlockState, axis: Axis, speed: float, what: str, source: Word | ProfileWord | Action
+) -> None:
+    """Report a speed beyond the axis's limit [m/s or rad/s] (MC202); ``what``: what drives it there."""
+    if abs(speed) > axis.max_velocity * (1.0 + 1e-9):
+        most = shown_number(motor_rpm(axis.max_velocity, axis.travel_per_motor_turn))
+        block.faults.add(
+            "MC202",
+            f"{what} beyond its max_velocity",
+            block.span(source),
+            f"its motor may turn at {most} RPM at most",
+            axis=axis.index,
+        )
 
 
 def check_travel(

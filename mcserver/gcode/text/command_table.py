@@ -222,11 +222,11 @@ def nearest_command(letter: str, text: str) -> str:
             return hint
     written = f"{letter}{number:02d}"
     names = [spec.name for spec in COMMANDS if spec.letter == letter]
-    near = sorted(names, key=lambda name: (edit_distance(name, written), abs(int(name[1:]) - number)))
+    near = sorted(names, key=lambda name: (_edit_distance(name, written), abs(int(name[1:]) - number)))
     return f"did you mean {near[0]} or {near[1]}?"
 
 
-def edit_distance(first: str, second: str) -> int:
+def _edit_distance(first: str, second: str) -> int:
     """Return the Levenshtein distance of two texts."""
     row = list(range(len(second) + 1))
     for i, a in enumerate(first, start=1):

@@ -172,10 +172,10 @@ class _ErrorScanner:
     def _foreign(self, shown: str, run: str, begin: int) -> str:
         """Report the first non-ASCII character of a number, and return what the number looks like."""
         at = next(index for index, character in enumerate(run) if not character.isascii())
-        meant = unicodedata.normalize("NFKC", run.translate(_MINUSES)).translate(_MINUSES).strip()
-        fits = _NUMBER.match(meant) is not None
         # blanks beyond ASCII become plain ones, so that words stay separate
         plain = unicodedata.normalize("NFKC", run.translate(_MINUSES)).translate(_MINUSES)
+        meant = plain.strip()
+        fits = _NUMBER.match(meant) is not None
         hint = f"write {shown}{_shorten(meant)}" if fits else "type the word again"
         if unicodedata.normalize("NFKC", run[at]) == " ":
             hint = "type a plain space"

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from copy import copy
 
-from mcserver.errors import Diagnostic, Edit
+from mcserver.errors import Edit
 from mcserver.gcode.line_faults import FaultList, Origin, Span
-from mcserver.gcode.text.command_table import CommandSpec
 from mcserver.gcode.text.grammar import group_commands
 from mcserver.gcode.text.profile_words import ProfileWords
 from mcserver.gcode.text.scanner import Scan, Token, scan, token_spans
@@ -21,35 +20,32 @@ class ParsedLine:
     Attributes:
         number: of the line, from 1.
         text: as written.
-        faults: of text and grammar.
+        groups: comma groups in reading order, empty for a blank line.
+        faults: of text and grammar, including those given.
         profile: actions besides the reference's words, in dialects of profiles.
         origin: of a computed line: its line in the text, and a map of columns to it; None: the text is the
             line itself.
     """
 
-    __slots__ = ("_groups", "_scan", "_spans", "faults", "number", "origin", "profile", "text")
+    __slots__ = ("_scan", "_spans", "faults", "groups", "number", "origin", "profile", "text")
 
-    def __init__(self, number: int, text: str, scanned: Scan) -> None:
+    def __init__(
+        self, number: int, text: str, scanned: Scan, faults: FaultList, profile: ProfileWords | None = None
+    ) -> None:
         self.number = number
         self.text = text
-        self.faults: tuple[Diagnostic, ...] = ()
-        self.profile: ProfileWords | None = None
+        self.profile = profile
         self.origin: Origin | None = None
         self._scan = scanned
         self._spans: list[Span] | None = scanned.spans
-        self._groups: tuple[Group, ...] | None = None
-
-    @property
-    def groups(self) -> tuple[Group, ...]:
-        """Comma groups in reading order, empty for a blank line."""
-        if self._groups is None:
-            self._groups = self._structure(FaultList(self.number))
-        return self._groups
+        words = self._split(faults)
+        self.groups = group_commands(words, faults, self.span, offsets_move=profile is not None)
+        self.faults = faults.in_reading_order()
 
     def with_words(self, groups: tuple[Group, ...], profile: ProfileWords | None) -> ParsedLine:
         """Return the line with other values of words, at the same columns."""
         found = copy(self)
-        found._groups, found.profile = groups, profile
+        found.groups, found.profile = groups, profile
         return found
 
     @property
@@ -74,14 +70,6 @@ class ParsedLine:
     def command_span(self, command: Command) -> Span:
         """Return the columns from a command's code to its last word."""
         return self.span(command.first, command.last)
-
-    def analyse(self, faults: FaultList) -> None:
-        """Build the groups and store all faults, including those already in ``faults``."""
-        self._groups = self._structure(faults)
-        self.faults = faults.in_reading_order()
-
-    def _structure(self, faults: FaultList) -> tuple[Group, ...]:
-        return group_commands(self._split(faults), faults, self.span, offsets_move=self.profile is not None)
 
     def _split(self, faults: FaultList) -> list[list[Word]]:
         """Split the tokens into the words of each comma group, without the line number."""
@@ -158,10 +146,4 @@ def scan_line(text: str, number: int) -> ParsedLine:
     if number == 1:
         text = text.removeprefix(BOM)
     faults = FaultList(number)
-    scanned = scan(text, faults)
-    parsed = ParsedLine(number, text, scanned)
-    parsed.analyse(faults)
-    return parsed
-
-
-__all__ = ["Command", "CommandSpec", "Group", "ParsedLine", "Word", "scan_line"]
+    return ParsedLine(number, text, scan(text, faults), faults)

@@ -37,9 +37,11 @@ class ProfileWords(msgspec.Struct, frozen=True, gc=False):
     Attributes:
         actions: in RS-274's order of execution. machine_frame: G53. ignored: codes without effect.
         polar: X and Y are radius and angle, written as @ and ^.
+        tilting: which of G68.2 and G53.1 stand in the line, whether they are read or not.
     """
 
     actions: tuple[Action, ...] = ()
     machine_frame: bool = False
     ignored: tuple[str, ...] = ()
     polar: bool = False
+    tilting: frozenset[str] = frozenset()

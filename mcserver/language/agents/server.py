@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import base64
-import sys
 import tempfile
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
@@ -22,6 +21,7 @@ from pydantic import Field, ValidationError, WithJsonSchema
 from mcserver.errors import McError, Refused
 from mcserver.language.agents.knowledge import dialect_topic, draft, fault_facts, machine_facts
 from mcserver.language.agents.recordings import list_recordings
+from mcserver.language.lsp.drawing import NotDrawn, plot
 from mcserver.language.profile_codes import profile_codes
 from mcserver.machine.clearance_section import AGENT
 from mcserver.machine.machine_file import Machine
@@ -31,7 +31,6 @@ from mcserver.simulation.assertions import Assertion
 from mcserver.simulation.program_checker import ProgramChecker
 
 MAX_SHOWN_LINES = 200  # of a simulation's report
-PICTURE_S = 300.0
 MOST_WAITED_S = 600.0
 LOOK_S = 0.25
 OVER = frozenset({"finished", "aborted", "faulted", "rejected", "lost", "interrupted"})
@@ -274,22 +273,10 @@ class AgentTools:
         """Draw a program in a process of its own: PNG, or why it cannot be drawn."""
         with tempfile.TemporaryDirectory() as folder:
             output = Path(folder) / "program.png"
-            command = [sys.executable, "-m", "mcserver", "plot", "-", "-o", str(output), "-m", self._source]
-            process = await asyncio.create_subprocess_exec(
-                *command,
-                stdin=asyncio.subprocess.PIPE,
-                stdout=asyncio.subprocess.DEVNULL,
-                stderr=asyncio.subprocess.DEVNULL,
-            )
             try:
-                await asyncio.wait_for(process.communicate(text.encode("utf-8", "replace")), PICTURE_S)
-            except TimeoutError:
-                process.kill()
-                await process.wait()
-                return f"no picture: it took longer than {PICTURE_S:.0f} s"
-            # a run that ends in a fault is drawn too
-            if not output.exists():
-                return "no picture: it needs the extra 'mcserver[plot]'"
+                await plot(text, self._source, output)
+            except NotDrawn as error:
+                return f"no picture: {error}"
             return output.read_bytes()
 
 

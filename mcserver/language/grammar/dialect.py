@@ -28,7 +28,7 @@ from mcserver.language.grammar.expressions import (
     text,
 )
 from mcserver.language.grammar.profiles import build_profile_grammar
-from mcserver.language.grammar.words import Vocabulary, common_words, vocabulary, whole
+from mcserver.language.grammar.words import Vocabulary, common_words, offsets, vocabulary, whole
 from mcserver.machine.machine_file import Machine
 
 
@@ -169,11 +169,7 @@ def _structure(known: Vocabulary) -> dict[str, Expression]:
     if arcs:
         rules["arc-axes"] = _ascending("arc-axis", known.linear, known.linear_letters)
         rules["centre"] = choice(Ref("radius"), Ref("offsets"))
-        rules["offsets"] = choice(
-            seq(Ref("offset-i"), opt(choice(Ref("offset-j"), Ref("offset-k")))),
-            seq(Ref("offset-j"), opt(Ref("offset-k"))),
-            Ref("offset-k"),
-        )
+        rules["offsets"] = offsets()
     return rules
 
 

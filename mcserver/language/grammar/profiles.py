@@ -42,7 +42,16 @@ from mcserver.language.grammar.expressions import (
     seq,
     text,
 )
-from mcserver.language.grammar.words import DIGIT, all_but, common_words, one_of, vocabulary, whole, word
+from mcserver.language.grammar.words import (
+    DIGIT,
+    all_but,
+    common_words,
+    offsets,
+    one_of,
+    vocabulary,
+    whole,
+    word,
+)
 from mcserver.machine.machine_file import Machine
 from mcserver.machine.work_systems import SYSTEM_NUMBERS
 from mcserver.units import AxisType
@@ -133,11 +142,7 @@ def _arcs(linear: list[int], lettered: list[int]) -> dict[str, Expression]:
             seq(Ref("offsets"), *behind, opt(Ref("feed"))),
         ),
         "arc-axes": SomeOf(tuple(Ref(f"axis-{axis}") for axis in plain)),
-        "offsets": choice(
-            seq(Ref("offset-i"), opt(choice(Ref("offset-j"), Ref("offset-k")))),
-            seq(Ref("offset-j"), opt(Ref("offset-k"))),
-            Ref("offset-k"),
-        ),
+        "offsets": offsets(),
     }
 
 

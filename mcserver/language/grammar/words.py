@@ -115,6 +115,15 @@ def word(letter: str, number: Expression) -> Expression:
     return seq(char(letter), Ref("gap"), number, Ref("space"))
 
 
+def offsets() -> Expression:
+    """Build the centre of an arc: one or two of I J K."""
+    return choice(
+        seq(Ref("offset-i"), opt(choice(Ref("offset-j"), Ref("offset-k")))),
+        seq(Ref("offset-j"), opt(Ref("offset-k"))),
+        Ref("offset-k"),
+    )
+
+
 def whole(numbers: Iterable[int]) -> Expression:
     """Build a choice of whole numbers, with at most two leading zeros."""
     return seq(Repeat(char("0"), 0, 2), one_of(numbers))

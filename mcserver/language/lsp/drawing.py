@@ -17,6 +17,32 @@ class NotDrawn(Exception):
     """There is no drawing; the text says why, for the person at the editor."""
 
 
+async def plot(text: str, machine: str, output: Path) -> None:
+    """Draw a program into a file by ``mcserver plot``, as far as it comes.
+
+    Raises:
+        NotDrawn: the program is rejected, or takes too long.
+    """
+    command = [sys.executable, "-m", "mcserver", "plot", "-", "-o", str(output), "-m", machine]
+    process = await asyncio.create_subprocess_exec(
+        *command,
+        stdin=asyncio.subprocess.PIPE,
+        stdout=asyncio.subprocess.DEVNULL,
+        stderr=asyncio.subprocess.PIPE,
+    )
+    try:
+        _, narration = await asyncio.wait_for(process.communicate(text.encode("utf-8", "replace")), DRAWING_S)
+    except TimeoutError:
+        raise NotDrawn(f"drawing took longer than {DRAWING_S:.0f} s; use mcserver plot") from None
+    finally:
+        if process.returncode is None:
+            process.kill()
+            await process.wait()
+    if not output.exists():
+        first = narration.decode("utf-8", "replace").strip().partition("\n")[0]
+        raise NotDrawn(first[:300] or f"mcserver plot ended with {process.returncode}")
+
+
 class Drawings:
     """The pages that were drawn, in a folder that goes with the language server.
 
@@ -41,32 +67,9 @@ class Drawings:
             if self._folder is None:
                 self._folder = tempfile.TemporaryDirectory(prefix="mcserver-")
             page = Path(self._folder.name) / f"{hashlib.sha256(uri.encode()).hexdigest()[:16]}.html"
-            await self._plot(text, page)
+            page.unlink(missing_ok=True)
+            await plot(text, self._machine, page)
             return page
-
-    async def _plot(self, text: str, page: Path) -> None:
-        page.unlink(missing_ok=True)
-        command = [sys.executable, "-m", "mcserver", "plot", "-", "-o", str(page), "-m", self._machine]
-        process = await asyncio.create_subprocess_exec(
-            *command,
-            stdin=asyncio.subprocess.PIPE,
-            stdout=asyncio.subprocess.DEVNULL,
-            stderr=asyncio.subprocess.PIPE,
-        )
-        try:
-            _, narration = await asyncio.wait_for(
-                process.communicate(text.encode("utf-8", "replace")), DRAWING_S
-            )
-        except TimeoutError:
-            raise NotDrawn(f"drawing took longer than {DRAWING_S:.0f} s; use mcserver plot") from None
-        finally:
-            if process.returncode is None:
-                process.kill()
-                await process.wait()
-        # a program that fails while it runs is drawn as far as it came
-        if not page.exists():
-            first = narration.decode("utf-8", "replace").strip().partition("\n")[0]
-            raise NotDrawn(first[:300] or f"mcserver plot ended with {process.returncode}")
 
     def close(self) -> None:
         """Remove the pages."""

@@ -11,7 +11,6 @@ from mcserver.gcode.profiles.codes import CYCLE_WORDS, TAPPING
 from mcserver.gcode.text.command_table import COMMANDS, CommandSpec, find_command
 from mcserver.gcode.text.word_table import WORDS, WordSpec, find_word
 from mcserver.gcode.text.words import AXIS_LETTERS, axis_letters
-from mcserver.language.lsp.words_at import WordAt, in_comment, word_at, words_of
 from mcserver.language.profile_codes import acting_codes, describe_profile_code, in_order
 from mcserver.language.rules import rules
 from mcserver.language.tables import words_of as listed_words
@@ -30,6 +29,28 @@ CYCLE: tuple[WordSpec, ...] = (
     WordSpec(("L",), "how often a canned cycle is repeated, for G91", "", ("D-75",)),
 )
 _NUMBER = re.compile(r"[0-9]+(?:\.[0-9]+)?")
+_WORD = re.compile(r"(?P<name>[A-Za-z]|\[[ \t]*[0-9]*[ \t]*\]?)[ \t]*(?P<number>[-+0-9.]*)")
+_COMMENT = re.compile(r"\([^)]*\)?|;.*", re.DOTALL)
+
+
+class WordAt(msgspec.Struct, frozen=True):
+    """A word as far as it is written.
+
+    Attributes:
+        name: an upper-case letter, or ``[n]``.
+        number: as written, perhaps empty.
+        start, end: code points from 0, end exclusive.
+    """
+
+    name: str
+    number: str
+    start: int
+    end: int
+
+    @property
+    def is_code(self) -> bool:
+        """Return True for G and M."""
+        return self.name in ("G", "M")
 
 
 class Suggestion(msgspec.Struct, frozen=True):
@@ -46,6 +67,33 @@ class Suggestion(msgspec.Struct, frozen=True):
     detail: str
     documentation: str
     start: int
+
+
+def in_comment(line: str, position: int) -> bool:
+    """Return True if a position lies within a comment."""
+    return any(found.start() < position <= _inner_end(found) for found in _COMMENT.finditer(line))
+
+
+def _inner_end(found: re.Match[str]) -> int:
+    return found.end() - 1 if found[0].startswith("(") and found[0].endswith(")") else found.end()
+
+
+def words_of(line: str) -> list[WordAt]:
+    """Return the words of a line, without those in comments."""
+    code = _COMMENT.sub(lambda found: " " * len(found[0]), line)
+    return [
+        WordAt(_name(found["name"]), found["number"], found.start(), found.end())
+        for found in _WORD.finditer(code)
+    ]
+
+
+def _name(written: str) -> str:
+    return re.sub(r"[ \t]", "", written) if written.startswith("[") else written.upper()
+
+
+def word_at(line: str, position: int) -> WordAt | None:
+    """Return the word that a position touches."""
+    return next((word for word in words_of(line) if word.start <= position <= word.end), None)
 
 
 def describe_code(spec: CommandSpec) -> str:
@@ -211,6 +259,3 @@ def _axis_words(start: int, machine: Machine, taken: set[str]) -> Iterator[Sugge
             yield Suggestion(
                 name, f"axis {axis.index}, {axis.type.value}", describe_word(entry, machine, name), start
             )
-
-
-__all__ = ["Suggestion", "WordAt", "complete", "describe_code", "describe_word", "hover"]

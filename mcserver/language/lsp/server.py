@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Sequence
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from lsprotocol import types as lsp
@@ -20,6 +19,7 @@ from mcserver.language.lsp.knowledge import complete, hover
 from mcserver.language.lsp.outline import folding_ranges
 from mcserver.language.lsp.tokens import TOKEN_TYPES, tokens_of
 from mcserver.machine.machine_file import Machine
+from mcserver.service.approval_basis import server_version
 from mcserver.simulation.program_checker import ProgramChecker
 
 MAX_TIMED_LINES = 20_000  # longer programs get no times: a simulation would take too long
@@ -33,11 +33,9 @@ def build_server(machine: Machine, source: str) -> LanguageServer:
     Args:
         source: the name or path that the machine was loaded from, for drawings.
     """
-    try:
-        release = version("mcserver")
-    except PackageNotFoundError:
-        release = "0"
-    server = LanguageServer("mcserver", release, text_document_sync_kind=lsp.TextDocumentSyncKind.Incremental)
+    server = LanguageServer(
+        "mcserver", server_version(), text_document_sync_kind=lsp.TextDocumentSyncKind.Incremental
+    )
     documents = _Documents(server, machine)
     drawings = Drawings(source)
     _register(server, documents, drawings)
