@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import struct
 from dataclasses import dataclass
 
-from mcserver.drives.cia402.emergency_codes import emergency_text, is_error
+from mcserver.drives.cia402.emergency_codes import emergency_text, is_error, unpack_emergency
 
-_LAYOUT = struct.Struct("<HB5s")
 _REGISTER = (
     "generic",
     "current",
@@ -30,7 +28,7 @@ class Emergency:
     """One emergency message.
 
     Attributes:
-        code: 0: all errors are gone. register: 1001h. vendor: the maker's five bytes.
+        code: 0: all errors are gone. register: 1001h. vendor: the maker's five bytes, of some drives fewer.
     """
 
     code: int
@@ -53,6 +51,5 @@ class Emergency:
 
 def decode_emergency(payload: bytes) -> Emergency | None:
     """Return the message of a frame; None for a frame that is no emergency."""
-    if len(payload) != _LAYOUT.size:
-        return None
-    return Emergency(*_LAYOUT.unpack(payload))
+    message = unpack_emergency(payload)
+    return None if message is None else Emergency(*message, bytes(payload[3:8]))
