@@ -67,7 +67,7 @@ class PlannedWindow:
         if segment.tolerance > 0.0 and segment.straight:
             self._chords.append(segment)
         else:
-            self.take_chords()
+            self.take_chords(None if from_rest or segment.tolerance == 0.0 else segment)
             self._append(segment, from_rest=from_rest)
 
     def append_lines(self, lines: SegmentList, arcs: list[int], *, from_rest: bool, tolerance: float) -> None:
@@ -138,26 +138,35 @@ class PlannedWindow:
         self.plan = self.reserve = plan
         return True
 
-    def take_chords(self) -> None:
-        """Append the lines that wait, smoothing chords of a curve among them."""
+    def take_chords(self, into: Segment | None = None) -> None:
+        """Append the lines that wait, smoothing chords of a curve among them.
+
+        Args:
+            into: what the motion flows into behind them, no straight segment; None: it rests there, as far
+                as is known.
+        """
         lines, self._chords = self._chords, SegmentList()
-        if not lines:
+        if not lines and (into is None or self._open is None):
             return
         table = self.lookahead.table
         curve, self._open = self._open, None
         if curve is not None:
-            further = self._smoother.go_on(curve, lines)
+            further = self._smoother.go_on(curve, lines, into)
             if further is not None and self._put(len(table) - len(curve.chords), None, further):
                 return
+        if not lines:
+            return
         last = table.segments[-1] if table else None
         if last is None or not (last.closes and last.straight):
-            if not self._put(len(table), None, self._smoother.smooth(lines, rests=False)):
+            flows = last is not None and last.closes and lines[0].tolerance > 0.0
+            smoothed = self._smoother.smooth(lines, rests=False, out_of=last if flows else None, into=into)
+            if not self._put(len(table), None, smoothed):
                 self._append_each(lines)
             return
         rests = len(table) == 1 and self.lookahead.entry == 0.0 and self.reserve is None
         every = SegmentList([last])
         every.extend(lines)
-        first, *items = self._smoother.smooth(every, rests=rests)
+        first, *items = self._smoother.smooth(every, rests=rests, into=into)
         if isinstance(first, SmoothRun):
             done = self._put(len(table) - 1, None, [first, *items])
         else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import groupby
 
 import msgspec
@@ -17,7 +18,7 @@ from mcserver.motion.geometry.segment_rows import SegmentRows
 from mcserver.motion.geometry.spline_curve import Spline, SplineCurve
 from mcserver.motion.kernels.spline_fit import AT_REST, JOINED, first_reach, fit
 from mcserver.motion.kernels.spline_samples import PartSamples, count_samples, sample_parts
-from mcserver.motion.smoothing.chord_runs import SHARE, Chords
+from mcserver.motion.smoothing.chord_runs import GENTLE, MISS, SHARE, Chords
 from mcserver.units import MM
 
 # Longest smoothing length L of the fit [m].
@@ -97,48 +98,78 @@ class ChordSmoother:
         self._weights = limits.weights
         self._metric = limits.weights / MM
 
-    def smooth(self, lines: SegmentList, *, rests: bool) -> list[Item]:
+    def smooth(
+        self,
+        lines: SegmentList,
+        *,
+        rests: bool,
+        out_of: Segment | None = None,
+        into: Segment | None = None,
+    ) -> list[Item]:
         """Replace chords among consecutive straight segments.
 
         Args:
-            rests: whether the motion rests at the start of the first line.
+            rests: whether the motion rests at the start of the first line. out_of: what it flows out of
+                before the first line, no straight segment; None: something else. into: what it flows into
+                behind the last one, no straight segment; None: it rests there, as far as is known.
 
         Returns:
             Segments and curves, in order; first the rest of the first line, if any is left.
         """
         runs = Chords.of(lines, self._weights).runs() if len(lines) > 2 else []
-        return self._items(lines, runs, rests=rests) or list(lines)
+        return self._items(lines, runs, (out_of, into), rests=rests) or list(lines)
 
-    def go_on(self, curve: OpenCurve, lines: SegmentList) -> list[Item] | None:
-        """Extend an open curve over more lines; None where that is not possible."""
+    def go_on(self, curve: OpenCurve, lines: SegmentList, into: Segment | None = None) -> list[Item] | None:
+        """Extend an open curve over more lines, or change its end; None where that is not possible.
+
+        Args:
+            into: as of `smooth`.
+        """
         known = len(curve.chords)
         every = SegmentList(() if curve.lead is None else (curve.lead,))
         every.extend(curve.chords)
         every.extend(lines)
         if curve.lead is None:
-            return self._items(every, Chords.of(every, self._weights).runs(known - 2), rests=True)
+            runs = Chords.of(every, self._weights).runs(known - 2) if len(every) > 2 else []
+            return self._items(every, runs, (None, into), rests=True) if runs else None
         chords = Chords.of(every, self._weights)
         if not chords.bends(0):
             return None
         runs = chords.runs(max(known - 1, 0))
-        return self._items(every, runs, rests=False, jet=curve.jets[0])
+        return self._items(every, runs, (None, into), rests=False, jet=curve.jets[0])
 
     def _items(
-        self, lines: SegmentList, runs: list[tuple[int, int]], *, rests: bool, jet: Array | None = None
+        self,
+        lines: SegmentList,
+        runs: list[tuple[int, int]],
+        beside: tuple[Segment | None, Segment | None],
+        *,
+        rests: bool,
+        jet: Array | None = None,
     ) -> list[Item] | None:
         """Return the items of lines with the given runs of vertices.
 
         Args:
-            jet: position and derivatives that the first run has to begin with, shape (4, K); where no curve
-                does, None is returned.
+            beside: ``out_of`` and ``into`` of `smooth`. jet: position and derivatives that the first run has
+                to begin with, shape (4, K); where no curve does, None is returned.
         """
         lines = lines.copy()
         items: list[Item] = []
         index = 0 if jet is None else 1
         for first, last in runs:
-            made = self._curve(
-                lines, (first, last), rests=rests and first == 0, jet=jet if first == 0 else None
+            head = self._head(lines[0], beside[0]) if first == 0 and jet is None else None
+            tail = self._tail(lines[-1], beside[1]) if last == len(lines) - 2 else None
+            curve = partial(
+                self._curve,
+                lines,
+                (first, last),
+                rests=rests and first == 0,
+                flows=beside[1] is not None,
+                jet=jet if first == 0 else None,
             )
+            made = curve(head=head, tail=tail)
+            if made is None and (head is not None or tail is not None):
+                made = curve(head=None, tail=None)
             if made is None and jet is not None and first == 0:
                 return None
             if made is None:
@@ -152,14 +183,57 @@ class ChordSmoother:
                 lines[index] = made[-1]
         return [*items, *lines[index:]]
 
+    def _head(self, line: Segment, out_of: Segment | None) -> Array | None:
+        """Return what a curve begins with that goes on from a segment before its first line (`_meeting`)."""
+        if out_of is None or out_of.mask & ~line.mask or out_of.finish < 1.0:
+            return None
+        return self._meeting(line, out_of.last, out_of.d2q_end, line.tolerance)
+
+    def _tail(self, line: Segment, into: Segment | None) -> Array | None:
+        """Return what a curve ends with that goes over into a segment behind its last line (`_meeting`)."""
+        if into is None or into.mask & ~line.mask:
+            return None
+        return self._meeting(line, into.first, into.d2q_start, into.tolerance)
+
+    def _meeting(self, line: Segment, slope: Array, bend: Array, tolerance: float) -> Array | None:
+        """Return derivatives of another segment where a line meets it.
+
+        Args:
+            slope, bend: its dp/ds and d²p/ds² there, shape (K,). tolerance: of the corner [m].
+
+        Returns:
+            By the length of the path in the metric of the tolerance, shape (4, K), the first row unset; None
+            where the corner is none of chords (`mcserver.motion.smoothing.chord_runs`).
+        """
+        along, travel = slope * self._metric, line.first * self._metric
+        speed, length = float(np.linalg.norm(along)), float(np.linalg.norm(travel))
+        turn = float(np.linalg.norm(along / speed - travel / length))
+        room = SHARE * length * MM * (line.finish - line.begin)
+        if turn > GENTLE or room * MISS * turn > tolerance / line.lever:
+            return None
+        tangent = slope / speed
+        across = (bend - tangent * float(along @ (bend * self._metric)) / speed) / speed**2
+        curvature = float(np.linalg.norm(across * self._metric))
+        # the third one as of a circle
+        return np.array((np.zeros_like(slope), tangent, across, -(curvature**2) * tangent))
+
     def _curve(
-        self, lines: SegmentList, run: tuple[int, int], *, rests: bool, jet: Array | None = None
+        self,
+        lines: SegmentList,
+        run: tuple[int, int],
+        *,
+        rests: bool,
+        flows: bool,
+        jet: Array | None,
+        head: Array | None,
+        tail: Array | None,
     ) -> list[Item] | None:
         """Return the rest of the line before a run of vertices, its curve, and the rest of the line after it.
 
         Args:
-            rests: whether it may begin at the start of its first line. jet: position and derivatives that it
-                has to begin with at its first vertex, shape (4, K).
+            rests: whether it may begin at the start of its first line. flows: whether the motion goes on
+                behind the last line. jet: position and derivatives that it has to begin with at its first
+                vertex, shape (4, K). head, tail: `_head` and `_tail`.
 
         Returns:
             None where no curve is within the tolerance.
@@ -181,19 +255,25 @@ class ChordSmoother:
         begin, start = inner[1].begin, JOINED
         if jet is None:
             begin, start = _begin(before, FADE * float(reaches[0]), chords, rests=rests)
-        ends = last == len(lines) - 1
+        if head is not None:
+            begin, start = before.begin, JOINED
+        ends = not flows and last == len(lines) - 1
         finish, end = _finish(after, FADE * float(reaches[-1]), chords, ends=ends)
+        if tail is not None:
+            finish, end = after.finish, JOINED
         skip = 1 if jet is not None else 0
         bounds = _Bounds(begin, finish, start, end)
         drawn = inner[skip:]
         even = np.zeros(len(inner), np.bool_)
         if len(inner) > 2:
             even = np.pad(chords.even, 1, "edge")
-        spline = self._fit(drawn, bounds, chords.turns[skip:], even[skip:], tolerances[skip:], jet, longest)
+        spline = self._fit(
+            drawn, bounds, chords.turns[skip:], even[skip:], tolerances[skip:], (jet, head, tail), longest
+        )
         if spline is None:
             return None
         curve = self._parts(
-            drawn, bounds, spline, jet is not None, ends and end == AT_REST, inner[0] if skip else None
+            drawn, bounds, spline, (jet, head, tail), ends and end == AT_REST, inner[0] if skip else None
         )
         made: list[Item] = []
         if jet is None and begin > before.begin:
@@ -210,10 +290,15 @@ class ChordSmoother:
         turns: Array,
         even: NDArray[np.bool_],
         tolerances: Array,
-        jet: Array | None,
+        met: tuple[Array | None, Array | None, Array | None],
         longest: float,
     ) -> tuple[Spline, Array, NDArray[np.intp]] | None:
-        """Return the spline, the parameters of the lines' ends, shape (n+1,), and its columns."""
+        """Return the spline, the parameters of the lines' ends, shape (n+1,), and its columns.
+
+        Args:
+            met: ``jet``, ``head`` and ``tail`` of `_curve`.
+        """
+        jet, head, tail = met
         path = lines.columns(0, len(lines))
         mask = int(np.bitwise_or.reduce(path.mask))
         if jet is not None:
@@ -240,6 +325,10 @@ class ChordSmoother:
         if jet is not None:
             first[:] = jet[:, columns] * metric
             first[0] = (jet[0, columns] - origin) * metric
+        if head is not None:
+            first[1:] = head[1:, columns] * metric
+        if tail is not None:
+            last[1:] = tail[1:, columns] * metric
         limit = tolerances / MM
         reach = first_reach(t, turns, limit, VERTEX_REACH, longest / MM)
         found, knots, spans = fit(
@@ -256,19 +345,26 @@ class ChordSmoother:
         lines: SegmentList,
         bounds: _Bounds,
         fitted: tuple[Spline, Array, NDArray[np.intp]],
-        joined: bool,
+        met: tuple[Array | None, Array | None, Array | None],
         is_open: bool,
         lead: Segment | None,
     ) -> SmoothRun:
         spline, t, columns = fitted
+        jet, head, tail = met
+        joined = jet is not None
         width = len(self._weights)
         jets = np.zeros((len(t), 4, width))
         jets[:, :, columns] = spline.at(t).transpose(1, 0, 2)
         rest = np.ones(width, np.bool_)
         rest[columns] = False
         jets[:, 0, rest] = lines[0].base[rest]
-        for index, condition, line in ((0, bounds.start, lines[0]), (-1, bounds.end, lines[-1])):
-            if condition == JOINED and not (joined and index == 0):
+        for index, condition, line, given in (
+            (0, bounds.start, lines[0], head),
+            (-1, bounds.end, lines[-1], tail),
+        ):
+            if given is not None:
+                jets[index, 1:] = given[1:]
+            elif condition == JOINED and not (joined and index == 0):
                 # exactly the derivatives of the line
                 jets[index, 1] = line.first / float(
                     np.linalg.norm(line.first[columns] * self._metric[columns])
@@ -299,8 +395,8 @@ class ChordSmoother:
                     line.opens and begin <= line.begin,
                     line.closes and finish >= line.finish,
                 )
-        if bounds.begin > lines[0].begin:
-            # the rest of the line comes before the curve, without a turn
+        if bounds.begin > lines[0].begin or head is not None:
+            # what comes before the curve goes over into it without a turn
             parts[0].tolerance = 0.0
         remaining = _open_curve(lines, bounds, jets, t, lead) if is_open else None
         return SmoothRun(parts, samples, joined, remaining)
