@@ -92,6 +92,23 @@ def test_a_short_line_of_a_tool_is_a_line_of_its_joints_where_a_tolerance_lets_i
     assert kinds == [short, SampledCurve, short]
 
 
+@pytest.mark.parametrize("exact", ["G61", "G09"])
+def test_an_exact_stop_is_along_the_tools_own_path(exact: str) -> None:
+    machine = arm(5.0)
+    kinematics = build_kinematics(machine)
+    assert kinematics is not None
+    points = START + np.array([[0.0, 0.0, 0.0], [0.0, 40.0, 0.0], [-10.0, 80.0, 0.0]])
+    words = [f"G01 X{x:g} Y{y:g} Z{z:g}" for x, y, z in points.tolist()]
+    first, *lines = (f"{exact} {line}" for line in words)
+    found = simulate(
+        "\n".join(["G1010", "T1 F6000", first, *lines]), machine, kinematics=kinematics, record=True
+    )
+    assert found.recording is not None
+    joints = np.radians(found.recording.setpoint[found.recording.line > 3])
+    tip = 1000.0 * np.array([kinematics.pose(1, dict(enumerate(row))).position for row in joints.tolist()])
+    assert distances(tip, points).max() <= OWN
+
+
 def test_a_curve_whose_bends_are_closer_than_its_chords_keeps_f_at_the_tip() -> None:
     machine = arm(0.5)
     kinematics = build_kinematics(machine)
