@@ -15,6 +15,8 @@ from mckinematics.tool import ToolModel
 # s at which the tool is compared with its path
 SAMPLES = np.linspace(0.0, 1.0, 5)
 SAMPLES.setflags(write=False)
+# how far the end may be off its pose [m], [rad]: what Newton's last step leaves, far below `START_TOLERANCE`
+END_TOLERANCE = 1e-7
 
 
 @dataclass(frozen=True)
@@ -72,4 +74,7 @@ def solve_even_path(tool: ToolModel, path: ToolPath, joints: Array) -> EvenPath 
     if tool.joint_speed(travel[None])[0] > CLEAR_GAIN * speed:
         return None
     residual, rates = tool.linearise(joints + SAMPLES[:, None] * travel, targets.at(SAMPLES))
+    if np.abs(residual[-1]).max() > END_TOLERANCE:
+        # beside a singular position a short step may be small without closing the gap
+        return None
     return EvenPath.of(joints, end, rates, residual)

@@ -62,6 +62,12 @@ def test_joints_do_not_go_wild_past_a_singular_wrist() -> None:
     assert even((1e-5, 1e-5, 0.0), joints=straight) is None
 
 
+def test_a_short_step_that_does_not_close_the_gap_is_no_end(tmp_path: Path) -> None:
+    # the elbow is stretched: Newton's damped step is far below its bound and leaves 6 µm of 50 µm
+    start = dict(enumerate(np.radians((80.0, 50.0, 10.0, 0.0, 50.0, 60.0, 10.0)).tolist()))
+    assert even((5e-5, 0.0, 0.0), arm=MachineKinematics(arm7.machine(tmp_path)), joints=start) is None
+
+
 def test_a_line_past_a_limit_is_left_to_the_path_solver() -> None:
     low, high = MACHINE.axes[0].min_position, MACHINE.axes[0].max_position
     for limit, side in ((high, 1.0), (low, -1.0)):

@@ -92,6 +92,51 @@ def test_a_short_line_of_a_tool_is_a_line_of_its_joints_where_a_tolerance_lets_i
     assert kinds == [short, SampledCurve, short]
 
 
+@pytest.mark.parametrize("exact", ["G61", "G09"])
+def test_an_exact_stop_is_along_the_tools_own_path(exact: str) -> None:
+    machine = arm(5.0)
+    kinematics = build_kinematics(machine)
+    assert kinematics is not None
+    points = START + np.array([[0.0, 0.0, 0.0], [0.0, 40.0, 0.0], [-10.0, 80.0, 0.0]])
+    words = [f"G01 X{x:g} Y{y:g} Z{z:g}" for x, y, z in points.tolist()]
+    first, *lines = (f"{exact} {line}" for line in words)
+    found = simulate(
+        "\n".join(["G1010", "T1 F6000", first, *lines]), machine, kinematics=kinematics, record=True
+    )
+    assert found.recording is not None
+    joints = np.radians(found.recording.setpoint[found.recording.line > 3])
+    tip = 1000.0 * np.array([kinematics.pose(1, dict(enumerate(row))).position for row in joints.tolist()])
+    assert distances(tip, points).max() <= OWN
+
+
+def test_a_curve_whose_bends_are_closer_than_its_chords_keeps_f_at_the_tip() -> None:
+    machine = arm(0.5)
+    kinematics = build_kinematics(machine)
+    assert kinematics is not None
+    lines = [f"G01 Y{0.5 * index:g} Z{601 if index % 4 == 0 else 600}" for index in range(1, 25)]
+    text = "\n".join(["G1010", "F300", "G01 T1 X460 Y0 Z600", *lines])
+    found = simulate(text, machine, kinematics=kinematics, record=True)
+    assert found.recording is not None
+    joints = np.radians(found.recording.setpoint)
+    tip = 1000.0 * np.array([kinematics.pose(1, dict(enumerate(row))).position for row in joints.tolist()])
+    assert np.linalg.norm(np.diff(tip, axis=0), axis=1).max() / machine.cycle_s <= 1.001 * 5.0
+
+
+@pytest.mark.parametrize(("name", "tool", "home"), [("cartesian", "", 0.0), ("robot-dog", "T3 ", -159.0)])
+def test_a_run_far_shorter_than_the_tolerance_is_no_detour(name: str, tool: str, home: float) -> None:
+    machine = msgspec.structs.replace(load_machine(name), path_tolerance=5e-4)
+    kinematics = build_kinematics(machine)
+    index = np.arange(1, 20)
+    places = home - 0.001 * index + 0.0001 * (index % 3 == 1)
+    lines = [
+        f"G01 {tool}X{x:.5f}" if tool else f"G01 X{x:.5f} Y{1e-4 * (n % 2):.5f}" for n, x in enumerate(places)
+    ]
+    first = ["G1010", "G94 F300"]
+    whole = simulate("\n".join([*first, lines[-1]]), machine, kinematics=kinematics).report["duration_s"]
+    found = simulate("\n".join([*first, *lines]), machine, kinematics=kinematics).report["duration_s"]
+    assert found <= whole + 2.0 * machine.cycle_s
+
+
 def test_chords_of_four_feet_in_one_line_flow() -> None:
     dog = msgspec.structs.replace(load_machine("robot-dog"), path_tolerance=TOLERANCE * 1e-3)
     kinematics = build_kinematics(dog)

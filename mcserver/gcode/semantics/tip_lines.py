@@ -45,7 +45,7 @@ def tip_line(
     bow = math.hypot(
         max(0.0, found.off - OWN_SHARE * own[0]), turn * max(0.0, found.off_angle - OWN_SHARE * own[1])
     )
-    if bow > BEND_SHARE * block.path_tolerance:
+    if bow > (0.0 if block.exact_stop else BEND_SHARE * block.path_tolerance):
         return None
     units = np.array([MM / block.setup.axes[axis].type.si_per_unit for axis in axes])
     levers = found.rates / units

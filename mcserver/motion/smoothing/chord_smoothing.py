@@ -25,6 +25,9 @@ from mcserver.units import MM
 LONGEST = 4e-3
 # Or so many times the longest chord of a run, if that is more.
 CHORD_LENGTHS = 2.5
+# L is at most so many times the length of a run: a curve is hardly smoother for more, and powers of L over
+# tiny chords exceed the precision of numbers.
+RUN_LENGTHS = 10.0
 # Initial L at a single vertex, in tolerances over its turn; the right one is about a third of it.
 VERTEX_REACH = 8.0
 # How far a curve reaches into the lines before and after its vertices, in L: the effect of a vertex decays as
@@ -34,8 +37,8 @@ FADE = 8.0
 TOLERANCE_SHARE = 0.98
 # Share of a line with a T that a curve at one of its ends may use.
 TIMED_SHARE = 0.25
-# Samples of a part at which the speed of a tip is evaluated, and a margin for the speed between them.
-TIP_SAMPLES, BETWEEN_SAMPLES = 5, 1.002
+# Speeds of a tip that are evaluated for each step between a part's samples, and a margin for those between.
+TIP_SAMPLES, BETWEEN_SAMPLES = 2, 1.002
 # Least share of a line that is left between the curves at its ends.
 REST = 0.02
 
@@ -329,10 +332,12 @@ class ChordSmoother:
             first[1:] = head[1:, columns] * metric
         if tail is not None:
             last[1:] = tail[1:, columns] * metric
-        limit = tolerances / MM
-        reach = first_reach(t, turns, limit, VERTEX_REACH, longest / MM)
+        # more than the whole run is no more freedom
+        limit = np.minimum(tolerances / MM, t[-1])
+        most = min(longest / MM, RUN_LENGTHS * float(t[-1]))
+        reach = first_reach(t, turns, limit, VERTEX_REACH, most)
         found, knots, spans = fit(
-            t, points, reach, longest / MM, limit, even, (bounds.start, first), (bounds.end, last)
+            t, points, reach, most, limit, even, (bounds.start, first), (bounds.end, last)
         )
         if not found:
             return None
@@ -375,7 +380,7 @@ class ChordSmoother:
         fed = (path.fed[:, None] >> np.arange(width, dtype=np.uint64) & np.uint64(1)).astype(np.bool_)
         samples, slopes = self._samples(fed, spline, t, columns)
         feeds = _feeds(path, fed, spans, slopes)
-        _keep_feed_of_tip(feeds, lines, path, spline, t, columns)
+        _keep_feed_of_tip(feeds, lines, path, spline, t, columns, samples.offset)
         source = _rows(path, jets, t, spline, columns, feeds)
         # the first and the last part may replace only a part of their line
         last_part = len(lines) - 1
@@ -496,22 +501,36 @@ def _share(line: Segment) -> float:
 
 
 def _keep_feed_of_tip(
-    feeds: Array, lines: SegmentList, path: PathColumns, spline: Spline, t: Array, columns: NDArray[np.intp]
+    feeds: Array,
+    lines: SegmentList,
+    path: PathColumns,
+    spline: Spline,
+    t: Array,
+    columns: NDArray[np.intp],
+    offset: NDArray[np.intp],
 ) -> None:
-    """Set ``feeds`` (n,) of parts that move a tool's tip so that the tip keeps its line's feed rate."""
+    """Set ``feeds`` (n,) of parts that move a tool's tip so that the tip keeps its line's feed rate.
+
+    Args:
+        offset: of the samples that the parts' bends need, as of `PartSamples`.
+    """
     led = np.flatnonzero(np.isfinite(path.feed) & ~np.isfinite(path.feed_speed)).tolist()
-    places = np.linspace(0.0, 1.0, TIP_SAMPLES)
     for rates, group in groupby(led, lambda index: lines[index].curves[0].tool_rates):
         if rates is None:
             continue
         at = np.array(list(group))
         chain = lines[int(at[0])].columns[0]
-        jets = spline.at((t[at, None] + places * (t[at + 1] - t[at])[:, None]).ravel())
-        whole = np.tile(path.bases[at[0]], (len(at) * TIP_SAMPLES, 1))
+        steps = TIP_SAMPLES * (np.diff(offset)[at] - 1)
+        first = np.cumsum(steps + 1) - steps - 1
+        part = np.repeat(np.arange(len(at)), steps + 1)
+        shares = (np.arange(len(part)) - first[part]) / steps[part]
+        spans = t[at + 1] - t[at]
+        jets = spline.at(t[at[part]] + shares * spans[part])
+        whole = np.tile(path.bases[at[0]], (len(part), 1))
         slopes = np.zeros_like(whole)
         whole[:, columns], slopes[:, columns] = jets[0], jets[1]
         moved = np.einsum("nij,nj->ni", rates(whole[:, chain])[:, :3], slopes[:, chain])
-        fastest = np.linalg.norm(moved, axis=1).reshape(len(at), -1).max(axis=1) * (t[at + 1] - t[at])
+        fastest = np.maximum.reduceat(np.linalg.norm(moved, axis=1), first) * spans
         wanted = path.feed[at] * [lines[index].curves[0].max_path_rate for index in at.tolist()]
         feeds[at] = wanted / np.maximum(BETWEEN_SAMPLES * fastest, 1e-300)
 
