@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import groupby
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.path_columns import SPLINE, PathColumns, SplineParts, bits_of
-from mcserver.motion.geometry.segment import NO_TRAVEL, AxisLimits, Segment, columns_of
+from mcserver.motion.geometry.segment import AxisLimits, Segment, columns_of
 from mcserver.motion.geometry.segment_list import SegmentList
 from mcserver.motion.geometry.segment_rows import SegmentRows
 from mcserver.motion.geometry.spline_curve import Spline, SplineCurve
 from mcserver.motion.kernels.spline_fit import AT_REST, JOINED, first_reach, fit
 from mcserver.motion.kernels.spline_samples import PartSamples, count_samples, sample_parts
 from mcserver.motion.smoothing.chord_runs import GENTLE, MISS, SHARE, Chords
+from mcserver.motion.smoothing.part_feeds import feeds_of_parts, keep_feed_of_tip
 from mcserver.units import MM
 
 # Longest smoothing length L of the fit [m].
@@ -37,8 +38,6 @@ FADE = 8.0
 TOLERANCE_SHARE = 0.98
 # Share of a line with a T that a curve at one of its ends may use.
 TIMED_SHARE = 0.25
-# Speeds of a tip that are evaluated for each step between a part's samples, and a margin for those between.
-TIP_SAMPLES, BETWEEN_SAMPLES = 2, 1.002
 # Least share of a line that is left between the curves at its ends.
 REST = 0.02
 
@@ -92,6 +91,19 @@ class _Bounds:
     finish: float
     start: int
     end: int
+
+
+class _Given(NamedTuple):
+    """Derivatives that a curve is given at its ends; None: it begins and ends along its lines.
+
+    Attributes:
+        jet: position and derivatives at its first vertex, where it continues a curve, shape (4, K).
+        head, tail: `ChordSmoother._head` and `_tail`.
+    """
+
+    jet: Array | None = None
+    head: Array | None = None
+    tail: Array | None = None
 
 
 class ChordSmoother:
@@ -162,17 +174,13 @@ class ChordSmoother:
         for first, last in runs:
             head = self._head(lines[0], beside[0]) if first == 0 and jet is None else None
             tail = self._tail(lines[-1], beside[1]) if last == len(lines) - 2 else None
+            given = _Given(jet if first == 0 else None, head, tail)
             curve = partial(
-                self._curve,
-                lines,
-                (first, last),
-                rests=rests and first == 0,
-                flows=beside[1] is not None,
-                jet=jet if first == 0 else None,
+                self._curve, lines, (first, last), rests=rests and first == 0, flows=beside[1] is not None
             )
-            made = curve(head=head, tail=tail)
+            made = curve(given=given)
             if made is None and (head is not None or tail is not None):
-                made = curve(head=None, tail=None)
+                made = curve(given=_Given(given.jet))
             if made is None and jet is not None and first == 0:
                 return None
             if made is None:
@@ -227,16 +235,13 @@ class ChordSmoother:
         *,
         rests: bool,
         flows: bool,
-        jet: Array | None,
-        head: Array | None,
-        tail: Array | None,
+        given: _Given,
     ) -> list[Item] | None:
         """Return the rest of the line before a run of vertices, its curve, and the rest of the line after it.
 
         Args:
             rests: whether it may begin at the start of its first line. flows: whether the motion goes on
-                behind the last line. jet: position and derivatives that it has to begin with at its first
-                vertex, shape (4, K). head, tail: `_head` and `_tail`.
+                behind the last line.
 
         Returns:
             None where no curve is within the tolerance.
@@ -256,30 +261,26 @@ class ChordSmoother:
         )
         before, after = inner[0], inner[-1]
         begin, start = inner[1].begin, JOINED
-        if jet is None:
+        if given.jet is None:
             begin, start = _begin(before, FADE * float(reaches[0]), chords, rests=rests)
-        if head is not None:
+        if given.head is not None:
             begin, start = before.begin, JOINED
         ends = not flows and last == len(lines) - 1
         finish, end = _finish(after, FADE * float(reaches[-1]), chords, ends=ends)
-        if tail is not None:
+        if given.tail is not None:
             finish, end = after.finish, JOINED
-        skip = 1 if jet is not None else 0
+        skip = 1 if given.jet is not None else 0
         bounds = _Bounds(begin, finish, start, end)
         drawn = inner[skip:]
         even = np.zeros(len(inner), np.bool_)
         if len(inner) > 2:
             even = np.pad(chords.even, 1, "edge")
-        spline = self._fit(
-            drawn, bounds, chords.turns[skip:], even[skip:], tolerances[skip:], (jet, head, tail), longest
-        )
+        spline = self._fit(drawn, bounds, chords.turns[skip:], even[skip:], tolerances[skip:], given, longest)
         if spline is None:
             return None
-        curve = self._parts(
-            drawn, bounds, spline, (jet, head, tail), ends and end == AT_REST, inner[0] if skip else None
-        )
+        curve = self._parts(drawn, bounds, spline, given, ends and end == AT_REST, inner[0] if skip else None)
         made: list[Item] = []
-        if jet is None and begin > before.begin:
+        if given.jet is None and begin > before.begin:
             made.append(msgspec.structs.replace(before.between(before.begin, begin), closes=False))
         made.append(curve)
         if finish < after.finish:
@@ -293,15 +294,11 @@ class ChordSmoother:
         turns: Array,
         even: NDArray[np.bool_],
         tolerances: Array,
-        met: tuple[Array | None, Array | None, Array | None],
+        given: _Given,
         longest: float,
     ) -> tuple[Spline, Array, NDArray[np.intp]] | None:
-        """Return the spline, the parameters of the lines' ends, shape (n+1,), and its columns.
-
-        Args:
-            met: ``jet``, ``head`` and ``tail`` of `_curve`.
-        """
-        jet, head, tail = met
+        """Return the spline, the parameters of the lines' ends, shape (n+1,), and its columns."""
+        jet, head, tail = given
         path = lines.columns(0, len(lines))
         mask = int(np.bitwise_or.reduce(path.mask))
         if jet is not None:
@@ -350,12 +347,12 @@ class ChordSmoother:
         lines: SegmentList,
         bounds: _Bounds,
         fitted: tuple[Spline, Array, NDArray[np.intp]],
-        met: tuple[Array | None, Array | None, Array | None],
+        given: _Given,
         is_open: bool,
         lead: Segment | None,
     ) -> SmoothRun:
         spline, t, columns = fitted
-        jet, head, tail = met
+        jet, head, tail = given
         joined = jet is not None
         width = len(self._weights)
         jets = np.zeros((len(t), 4, width))
@@ -363,12 +360,12 @@ class ChordSmoother:
         rest = np.ones(width, np.bool_)
         rest[columns] = False
         jets[:, 0, rest] = lines[0].base[rest]
-        for index, condition, line, given in (
+        for index, condition, line, met in (
             (0, bounds.start, lines[0], head),
             (-1, bounds.end, lines[-1], tail),
         ):
-            if given is not None:
-                jets[index, 1:] = given[1:]
+            if met is not None:
+                jets[index, 1:] = met[1:]
             elif condition == JOINED and not (joined and index == 0):
                 # exactly the derivatives of the line
                 jets[index, 1] = line.first / float(
@@ -379,8 +376,8 @@ class ChordSmoother:
         spans = np.diff(t)
         fed = (path.fed[:, None] >> np.arange(width, dtype=np.uint64) & np.uint64(1)).astype(np.bool_)
         samples, slopes = self._samples(fed, spline, t, columns)
-        feeds = _feeds(path, fed, spans, slopes)
-        _keep_feed_of_tip(feeds, lines, path, spline, t, columns, samples.offset)
+        feeds = feeds_of_parts(path, fed, spans, slopes)
+        keep_feed_of_tip(feeds, lines, path, spline, t, columns, samples.offset)
         source = _rows(path, jets, t, spline, columns, feeds)
         # the first and the last part may replace only a part of their line
         last_part = len(lines) - 1
@@ -498,54 +495,3 @@ def _finish(line: Segment, wanted: float, chords: Chords, *, ends: bool) -> tupl
 def _share(line: Segment) -> float:
     """Return the share of a line that a curve at its end may use; with a T it needs the rest."""
     return SHARE if line.duration is None else TIMED_SHARE
-
-
-def _keep_feed_of_tip(
-    feeds: Array,
-    lines: SegmentList,
-    path: PathColumns,
-    spline: Spline,
-    t: Array,
-    columns: NDArray[np.intp],
-    offset: NDArray[np.intp],
-) -> None:
-    """Set ``feeds`` (n,) of parts that move a tool's tip so that the tip keeps its line's feed rate.
-
-    Args:
-        offset: of the samples that the parts' bends need, as of `PartSamples`.
-    """
-    led = np.flatnonzero(np.isfinite(path.feed) & ~np.isfinite(path.feed_speed)).tolist()
-    for rates, group in groupby(led, lambda index: lines[index].curves[0].tool_rates):
-        if rates is None:
-            continue
-        at = np.array(list(group))
-        chain = lines[int(at[0])].columns[0]
-        steps = TIP_SAMPLES * (np.diff(offset)[at] - 1)
-        first = np.cumsum(steps + 1) - steps - 1
-        part = np.repeat(np.arange(len(at)), steps + 1)
-        shares = (np.arange(len(part)) - first[part]) / steps[part]
-        spans = t[at + 1] - t[at]
-        jets = spline.at(t[at[part]] + shares * spans[part])
-        whole = np.tile(path.bases[at[0]], (len(part), 1))
-        slopes = np.zeros_like(whole)
-        whole[:, columns], slopes[:, columns] = jets[0], jets[1]
-        moved = np.einsum("nij,nj->ni", rates(whole[:, chain])[:, :3], slopes[:, chain])
-        fastest = np.maximum.reduceat(np.linalg.norm(moved, axis=1), first) * spans
-        wanted = path.feed[at] * [lines[index].curves[0].max_path_rate for index in at.tolist()]
-        feeds[at] = wanted / np.maximum(BETWEEN_SAMPLES * fastest, 1e-300)
-
-
-def _feeds(path: PathColumns, fed: NDArray[np.bool_], spans: Array, slopes: Array) -> Array:
-    """Return the greatest ds/dt of each part that keeps the feed rate of its line [1/s].
-
-    Args:
-        path: of the lines. fed: columns that their path speeds count, shape (n, K). spans: of the parts
-            in the spline's parameter, shape (n,). slopes: as `sample_parts` writes them.
-    """
-    travels, speeds, feeds = path.travels, path.feed_speed, path.feed
-    whole = np.linalg.norm(np.where(fed, travels, 0.0), axis=1)
-    slopes = np.maximum(slopes, 1e-300)
-    by_speed = np.isfinite(speeds) & (whole > NO_TRAVEL)
-    found = np.where(by_speed, speeds / slopes[:, 0], feeds * np.linalg.norm(travels, axis=1) / slopes[:, 1])
-    feeds_of_parts: Array = found / spans
-    return feeds_of_parts
