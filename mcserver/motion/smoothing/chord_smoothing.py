@@ -144,10 +144,11 @@ class ChordSmoother:
         every = SegmentList(() if curve.lead is None else (curve.lead,))
         every.extend(curve.chords)
         every.extend(lines)
-        if curve.lead is None:
-            runs = Chords.of(every, self._weights).runs(known - 2) if len(every) > 2 else []
-            return self._items(every, runs, (None, into), rests=True) if runs else None
+        if len(every) < 2:
+            return None
         chords = Chords.of(every, self._weights)
+        if curve.lead is None:
+            return self._items(every, chords.runs(known - 2), (None, into), rests=True)
         if not chords.bends(0):
             return None
         runs = chords.runs(max(known - 1, 0))
