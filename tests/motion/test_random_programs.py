@@ -88,6 +88,14 @@ def test_a_stop_in_the_flow_of_a_program_keeps_path_and_limits(draw: Draw, seed:
     assert broken_by_stops(plan(machine, moves, commits=commits), seed) == []
 
 
+# 9800437: steps of acceleration left less room than a change within the jerk limit. 9800994: an override slowed
+# down by more than the stop that replaced it. 9801260, 9804377: both.
+@pytest.mark.parametrize("seed", [9800437, 9800994, 9801260, 9804377])
+def test_an_emergency_stop_takes_no_longer_than_an_abort(seed: int) -> None:
+    machine, moves, commits = program_of(seed)
+    assert broken_by_stops(plan(machine, moves, commits=commits), seed) == []
+
+
 def test_a_rise_above_100_percent_goes_in_parts_where_rows_take_all_of_a_jerk() -> None:
     # more than 100 % was wished for: only whole changes were tried, until one was made that passes the limits
     machine, moves, commits = wide_program_of(5166)

@@ -65,6 +65,11 @@ class _Order:
     urgent: bool
 
 
+def _sooner(plan: RatePlan, other: RatePlan | None) -> bool:
+    """Return whether a plan stops, and the other one does not, or later."""
+    return plan.target == 0.0 and (other is None or other.target > 0.0 or len(plan) < len(other))
+
+
 class RateControl:
     """The rate of one slot.
 
@@ -165,9 +170,17 @@ class RateControl:
         if self._is_due(u, order, far):
             found = self._search(u, order, passed, far)
             near = edge is not None and edge - u < far
+            begun = plan is not None and self._order is not None and self._order.urgent
+            if urgent and (not begun or self._passed % AGAIN == 0):
+                # where rows leave little room for a step of acceleration, a stop within the jerk limit may be
+                # sooner
+                gentle = self._search(u, _Order(target, edge, False), passed, far)
+                if gentle is not None and _sooner(gentle, found):
+                    found = gentle
             if found is None and begins and plan is None and self.rate > 0.0 and near:
                 found = self._search_from_rest(u, order, far)
-            if found is not None and self._is_better(found, order):
+            slower = urgent and found is not None and self._slows_more_than(found, order)
+            if found is not None and self._is_better(found, order) and not slower:
                 self._plan = plan = found
                 self._order = order
                 self._passed, self._origin, self._refused, self._tries = 0, u, 0, 0
@@ -228,6 +241,14 @@ class RateControl:
         if found.target == plan.target == order.target:
             return len(found) < len(plan) - self._passed
         return abs(found.target - order.target) <= abs(plan.target - order.target)
+
+    def _slows_more_than(self, found: RatePlan, order: _Order) -> bool:
+        """Return whether the present plan, for the same edge, slows down by more in the next cycles."""
+        plan, had = self._plan, self._order
+        if plan is None or had is None or had.edge != order.edge:
+            return False
+        cycles = min(AGAIN, len(plan) - self._passed, len(found))
+        return cycles > 0 and plan.at(self._passed + cycles)[1] < min(found.at(cycles)[1], self.rate)
 
     # ------------------------------------------------------------------ what
 
