@@ -88,8 +88,8 @@ def test_a_stop_in_the_flow_of_a_program_keeps_path_and_limits(draw: Draw, seed:
     assert broken_by_stops(plan(machine, moves, commits=commits), seed) == []
 
 
-# 9800437: steps of acceleration left less room than a change within the jerk limit. 9800994: an override slowed
-# down by more than the stop that replaced it. 9801260, 9804377: both.
+# 9800437: steps of acceleration left less room than a change within the jerk limit. 9800994: an override
+# slowed down by more than the stop that replaced it. 9801260, 9804377: both.
 @pytest.mark.parametrize("seed", [9800437, 9800994, 9801260, 9804377])
 def test_an_emergency_stop_takes_no_longer_than_an_abort(seed: int) -> None:
     machine, moves, commits = program_of(seed)
