@@ -165,8 +165,12 @@ class Segment(msgspec.Struct, eq=False, gc=False):
     @property
     def is_plain_line(self) -> bool:
         """Whether it is a straight line of just the columns that the path speed counts, and leads no tip."""
-        led = any(curve.tool_rates is not None for curve in self.curves)
-        return self.straight and self.only_feed_columns and not led
+        return self.straight and self.only_feed_columns and not self.leads_tip
+
+    @property
+    def leads_tip(self) -> bool:
+        """Whether it moves a tool's tip whose corners may be rounded."""
+        return any(curve.tool_rates is not None for curve in self.curves)
 
     @property
     def may_be_split(self) -> bool:

@@ -18,7 +18,7 @@ from mcserver.motion.geometry.segment_rows import SegmentRows
 from mcserver.motion.geometry.spline_curve import Spline, SplineCurve
 from mcserver.motion.kernels.spline_fit import AT_REST, JOINED, first_reach, fit
 from mcserver.motion.kernels.spline_samples import PartSamples, count_samples, sample_parts
-from mcserver.motion.smoothing.chord_runs import GENTLE, MISS, SHARE, Chords
+from mcserver.motion.smoothing.chord_runs import GENTLE, SHARE, Chords
 from mcserver.motion.smoothing.part_feeds import feeds_of_parts, keep_feed_of_tip
 from mcserver.units import MM
 
@@ -38,6 +38,9 @@ FADE = 8.0
 TOLERANCE_SHARE = 0.98
 # Share of a line with a T that a curve at one of its ends may use.
 TIMED_SHARE = 0.25
+# A line that meets an arc or another curve is a chord of it if it is at most so many times as long as the
+# line at its other end, and their curvatures differ by at most this share of the greater one.
+LONGER, UNLIKE = 1.5, 0.15
 # Least share of a line that is left between the curves at its ends.
 REST = 0.02
 
@@ -146,6 +149,9 @@ class ChordSmoother:
         every.extend(lines)
         if len(every) < 2:
             return None
+        if not lines and not (into is not None and into.leads_tip) and self._tail(every[-2:], into) is None:
+            # nothing new
+            return None
         chords = Chords.of(every, self._weights)
         if curve.lead is None:
             return self._items(every, chords.runs(known - 2), (None, into), rests=True)
@@ -173,12 +179,12 @@ class ChordSmoother:
         items: list[Item] = []
         index = 0 if jet is None else 1
         for first, last in runs:
-            head = self._head(lines[0], beside[0]) if first == 0 and jet is None else None
-            tail = self._tail(lines[-1], beside[1]) if last == len(lines) - 2 else None
+            head = self._head(lines[:2], beside[0]) if first == 0 and jet is None else None
+            tail = self._tail(lines[-2:], beside[1]) if last == len(lines) - 2 else None
             given = _Given(jet if first == 0 else None, head, tail)
-            curve = partial(
-                self._curve, lines, (first, last), rests=rests and first == 0, flows=beside[1] is not None
-            )
+            # corners of tools are rounded at the tip, for which a part of the last line is left
+            flows = beside[1] is not None and beside[1].leads_tip
+            curve = partial(self._curve, lines, (first, last), rests=rests and first == 0, flows=flows)
             made = curve(given=given)
             if made is None and (head is not None or tail is not None):
                 made = curve(given=_Given(given.jet))
@@ -195,37 +201,53 @@ class ChordSmoother:
                 lines[index] = made[-1]
         return [*items, *lines[index:]]
 
-    def _head(self, line: Segment, out_of: Segment | None) -> Array | None:
-        """Return what a curve begins with that goes on from a segment before its first line (`_meeting`)."""
+    def _head(self, lines: SegmentList, out_of: Segment | None) -> Array | None:
+        """Return what a curve begins with that goes on from a segment before two lines (`_meeting`)."""
+        line, behind = lines
         if out_of is None or out_of.mask & ~line.mask or out_of.finish < 1.0:
             return None
-        return self._meeting(line, out_of.last, out_of.d2q_end, line.tolerance)
+        return self._meeting((line, behind), line, (out_of.last, out_of.d2q_end), line.tolerance)
 
-    def _tail(self, line: Segment, into: Segment | None) -> Array | None:
-        """Return what a curve ends with that goes over into a segment behind its last line (`_meeting`)."""
+    def _tail(self, lines: SegmentList, into: Segment | None) -> Array | None:
+        """Return what a curve ends with that goes over into a segment behind two lines (`_meeting`)."""
+        before, line = lines
         if into is None or into.mask & ~line.mask:
             return None
-        return self._meeting(line, into.first, into.d2q_start, into.tolerance)
+        return self._meeting((before, line), line, (into.first, into.d2q_start), into.tolerance)
 
-    def _meeting(self, line: Segment, slope: Array, bend: Array, tolerance: float) -> Array | None:
+    def _meeting(
+        self, lines: tuple[Segment, Segment], line: Segment, ends: tuple[Array, Array], tolerance: float
+    ) -> Array | None:
         """Return derivatives of another segment where a line meets it.
 
         Args:
-            slope, bend: its dp/ds and d²p/ds² there, shape (K,). tolerance: of the corner [m].
+            lines: the line that meets it, ``line``, and the one at that one's other end, in order.
+            ends: the segment's dp/ds and d²p/ds² there, shape (K,). tolerance: of the corner [m].
 
         Returns:
             By the length of the path in the metric of the tolerance, shape (4, K), the first row unset; None
             where the corner is none of chords (`mcserver.motion.smoothing.chord_runs`).
         """
+        slope, bend = ends
         along, travel = slope * self._metric, line.first * self._metric
         speed, length = float(np.linalg.norm(along)), float(np.linalg.norm(travel))
+        first, second = (each.first * self._metric for each in lines)
+        lengths = float(np.linalg.norm(first)), float(np.linalg.norm(second))
+        if length > LONGER * min(lengths):
+            # it stands for more than a chord
+            return None
         turn = float(np.linalg.norm(along / speed - travel / length))
-        room = SHARE * length * MM * (line.finish - line.begin)
-        if turn > GENTLE or room * MISS * turn > tolerance / line.lever:
+        # by so much a circle is off the middle of a chord that it meets at this angle
+        sagitta = 0.25 * turn * length * MM * (line.finish - line.begin)
+        if turn > GENTLE or sagitta > tolerance / line.lever:
             return None
         tangent = slope / speed
         across = (bend - tangent * float(along @ (bend * self._metric)) / speed) / speed**2
         curvature = float(np.linalg.norm(across * self._metric))
+        bent = (second / lengths[1] - first / lengths[0]) * (2.0 / sum(lengths))
+        most = max(curvature, float(np.linalg.norm(bent)))
+        if float(np.linalg.norm(across * self._metric - bent)) > UNLIKE * most:
+            return None
         # the third one as of a circle
         return np.array((np.zeros_like(slope), tangent, across, -(curvature**2) * tangent))
 
