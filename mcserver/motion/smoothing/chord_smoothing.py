@@ -226,7 +226,7 @@ class ChordSmoother:
 
         Returns:
             By the length of the path in the metric of the tolerance, shape (4, K), the first row unset; None
-            where the corner is none of chords (`mcserver.motion.smoothing.chord_runs`).
+            where the lines are no chords of it.
         """
         slope, bend = ends
         along, travel = slope * self._metric, line.first * self._metric
@@ -244,7 +244,7 @@ class ChordSmoother:
         tangent = slope / speed
         across = (bend - tangent * float(along @ (bend * self._metric)) / speed) / speed**2
         curvature = float(np.linalg.norm(across * self._metric))
-        bent = (second / lengths[1] - first / lengths[0]) * (2.0 / sum(lengths))
+        bent = (second / lengths[1] - first / lengths[0]) * (2.0 / (lengths[0] + lengths[1]))
         most = max(curvature, float(np.linalg.norm(bent)))
         if float(np.linalg.norm(across * self._metric - bent)) > UNLIKE * most:
             return None
