@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass
 
-from mcserver.drives.cia402.emergency_codes import emergency_text, is_error, unpack_emergency
+from mcserver.drives.cia402.emergency_codes import emergency_text, is_error
 
+_LAYOUT = struct.Struct("<HB5s")
 _REGISTER = (
     "generic",
     "current",
@@ -28,7 +30,7 @@ class Emergency:
     """One emergency message.
 
     Attributes:
-        code: 0: all errors are gone. register: 1001h. vendor: the maker's five bytes, of some drives fewer.
+        code: 0: all errors are gone. register: 1001h. vendor: the maker's five bytes.
     """
 
     code: int
@@ -51,5 +53,6 @@ class Emergency:
 
 def decode_emergency(payload: bytes) -> Emergency | None:
     """Return the message of a frame; None for a frame that is no emergency."""
-    message = unpack_emergency(payload)
-    return None if message is None else Emergency(*message, bytes(payload[3:8]))
+    if len(payload) != _LAYOUT.size:
+        return None
+    return Emergency(*_LAYOUT.unpack(payload))

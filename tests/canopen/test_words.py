@@ -34,15 +34,9 @@ def test_an_emergency_may_say_that_all_is_well_again() -> None:
     assert "no error any more" in found.text
 
 
-@pytest.mark.parametrize("payload", [b"", b"\x11\x86"])
-def test_an_emergency_without_a_register_is_none(payload: bytes) -> None:
+@pytest.mark.parametrize("payload", [b"", b"\x11\x86", bytes(7)])
+def test_a_short_emergency_is_none(payload: bytes) -> None:
     assert decode_emergency(payload) is None
-
-
-def test_an_emergency_that_stops_the_axis_is_told_without_the_maker_s_bytes_too() -> None:
-    found = decode_emergency(b"\x11\x86\x01")
-    assert found is not None
-    assert found.text.startswith("8611h following error")
 
 
 @pytest.mark.parametrize(
