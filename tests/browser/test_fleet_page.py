@@ -223,5 +223,6 @@ def test_a_page_whose_process_is_gone_says_that_what_it_shows_is_old(
     with page_of(fleet.endpoint, tmp_path) as mortal:
         page.goto(mortal.url)
         expect(page.get_by_role("status")).to_contain_text(f"{MACHINES} of {MACHINES}")
+        expect(page.locator("body.mc-unlinked")).to_have_count(0)
         mortal.process.kill()
         expect(page.locator("body")).to_have_class(re.compile("mc-silent"))
