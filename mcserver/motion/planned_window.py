@@ -21,6 +21,7 @@ from mcserver.motion.lookahead.feed_scale import is_under_way
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.smoothing.chord_smoothing import ChordSmoother, Item, OpenCurve, SmoothRun
+from mcserver.motion.smoothing.neighbours import Neighbours
 
 # Committed motion keeps this distance in time from the part of a curve that may still change, so that its
 # speed can adapt to the change [s].
@@ -142,8 +143,7 @@ class PlannedWindow:
         """Append the lines that wait, smoothing chords of a curve among them.
 
         Args:
-            into: what the motion flows into behind them, no straight segment; None: it rests there, as far
-                as is known.
+            into: as of `Neighbours`.
         """
         lines, self._chords = self._chords, SegmentList()
         if not lines and (into is None or self._open is None):
@@ -159,14 +159,14 @@ class PlannedWindow:
         last = table.segments[-1] if table else None
         if last is None or not (last.closes and last.straight):
             flows = last is not None and last.closes and lines[0].tolerance > 0.0
-            smoothed = self._smoother.smooth(lines, rests=False, out_of=last if flows else None, into=into)
-            if not self._put(len(table), None, smoothed):
+            beside = Neighbours(last if flows else None, into)
+            if not self._put(len(table), None, self._smoother.smooth(lines, rests=False, beside=beside)):
                 self._append_each(lines)
             return
         rests = len(table) == 1 and self.lookahead.entry == 0.0 and self.reserve is None
         every = SegmentList([last])
         every.extend(lines)
-        first, *items = self._smoother.smooth(every, rests=rests, into=into)
+        first, *items = self._smoother.smooth(every, rests=rests, beside=Neighbours(into=into))
         if isinstance(first, SmoothRun):
             done = self._put(len(table) - 1, None, [first, *items])
         else:

@@ -179,8 +179,7 @@ class RateControl:
                     found = gentle
             if found is None and begins and plan is None and self.rate > 0.0 and near:
                 found = self._search_from_rest(u, order, far)
-            slower = urgent and found is not None and self._slows_more_than(found, order)
-            if found is not None and self._is_better(found, order) and not slower:
+            if found is not None and self._is_better(found, order):
                 self._plan = plan = found
                 self._order = order
                 self._passed, self._origin, self._refused, self._tries = 0, u, 0, 0
@@ -236,6 +235,8 @@ class RateControl:
     def _is_better(self, found: RatePlan, order: _Order) -> bool:
         """Return whether a plan comes closer to the ordered rate than the present one, or sooner."""
         plan = self._plan
+        if order.urgent and self._slows_more_than(found, order):
+            return False
         if plan is None or not self._may_be_better(order):
             return True
         if found.target == plan.target == order.target:

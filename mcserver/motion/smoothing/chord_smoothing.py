@@ -18,7 +18,8 @@ from mcserver.motion.geometry.segment_rows import SegmentRows
 from mcserver.motion.geometry.spline_curve import Spline, SplineCurve
 from mcserver.motion.kernels.spline_fit import AT_REST, JOINED, first_reach, fit
 from mcserver.motion.kernels.spline_samples import PartSamples, count_samples, sample_parts
-from mcserver.motion.smoothing.chord_runs import GENTLE, SHARE, Chords
+from mcserver.motion.smoothing.chord_runs import SHARE, Chords
+from mcserver.motion.smoothing.neighbours import ALONE, Neighbours
 from mcserver.motion.smoothing.part_feeds import feeds_of_parts, keep_feed_of_tip
 from mcserver.units import MM
 
@@ -38,9 +39,6 @@ FADE = 8.0
 TOLERANCE_SHARE = 0.98
 # Share of a line with a T that a curve at one of its ends may use.
 TIMED_SHARE = 0.25
-# A line that meets an arc or another curve is a chord of it if it is at most so many times as long as the
-# line at its other end, and their curvatures differ by at most this share of the greater one.
-LONGER, UNLIKE = 1.5, 0.15
 # Least share of a line that is left between the curves at its ends.
 REST = 0.02
 
@@ -101,7 +99,7 @@ class _Given(NamedTuple):
 
     Attributes:
         jet: position and derivatives at its first vertex, where it continues a curve, shape (4, K).
-        head, tail: `ChordSmoother._head` and `_tail`.
+        head, tail: as of `mcserver.motion.smoothing.neighbours`.
     """
 
     jet: Array | None = None
@@ -116,32 +114,23 @@ class ChordSmoother:
         self._weights = limits.weights
         self._metric = limits.weights / MM
 
-    def smooth(
-        self,
-        lines: SegmentList,
-        *,
-        rests: bool,
-        out_of: Segment | None = None,
-        into: Segment | None = None,
-    ) -> list[Item]:
+    def smooth(self, lines: SegmentList, *, rests: bool, beside: Neighbours = ALONE) -> list[Item]:
         """Replace chords among consecutive straight segments.
 
         Args:
-            rests: whether the motion rests at the start of the first line. out_of: what it flows out of
-                before the first line, no straight segment; None: something else. into: what it flows into
-                behind the last one, no straight segment; None: it rests there, as far as is known.
+            rests: whether the motion rests at the start of the first line.
 
         Returns:
             Segments and curves, in order; first the rest of the first line, if any is left.
         """
         runs = Chords.of(lines, self._weights).runs() if len(lines) > 2 else []
-        return self._items(lines, runs, (out_of, into), rests=rests) or list(lines)
+        return self._items(lines, runs, beside, rests=rests) or list(lines)
 
     def go_on(self, curve: OpenCurve, lines: SegmentList, into: Segment | None = None) -> list[Item] | None:
         """Extend an open curve over more lines, or change its end; None where that is not possible.
 
         Args:
-            into: as of `smooth`.
+            into: as of `Neighbours`.
         """
         known = len(curve.chords)
         every = SegmentList(() if curve.lead is None else (curve.lead,))
@@ -149,22 +138,22 @@ class ChordSmoother:
         every.extend(lines)
         if len(every) < 2:
             return None
-        if not lines and not (into is not None and into.leads_tip) and self._tail(every[-2:], into) is None:
-            # nothing new
+        beside = Neighbours(into=into)
+        if not lines and not beside.change_end(every, self._metric):
             return None
         chords = Chords.of(every, self._weights)
         if curve.lead is None:
-            return self._items(every, chords.runs(known - 2), (None, into), rests=True)
+            return self._items(every, chords.runs(known - 2), beside, rests=True)
         if not chords.bends(0):
             return None
         runs = chords.runs(max(known - 1, 0))
-        return self._items(every, runs, (None, into), rests=False, jet=curve.jets[0])
+        return self._items(every, runs, beside, rests=False, jet=curve.jets[0])
 
     def _items(
         self,
         lines: SegmentList,
         runs: list[tuple[int, int]],
-        beside: tuple[Segment | None, Segment | None],
+        beside: Neighbours,
         *,
         rests: bool,
         jet: Array | None = None,
@@ -172,19 +161,23 @@ class ChordSmoother:
         """Return the items of lines with the given runs of vertices.
 
         Args:
-            beside: ``out_of`` and ``into`` of `smooth`. jet: position and derivatives that the first run has
-                to begin with, shape (4, K); where no curve does, None is returned.
+            jet: position and derivatives that the first run has to begin with, shape (4, K); where no curve
+                does, None is returned.
         """
         lines = lines.copy()
         items: list[Item] = []
         index = 0 if jet is None else 1
         for first, last in runs:
-            head = self._head(lines[:2], beside[0]) if first == 0 and jet is None else None
-            tail = self._tail(lines[-2:], beside[1]) if last == len(lines) - 2 else None
+            head = beside.head(lines, self._metric) if first == 0 and jet is None else None
+            tail = beside.tail(lines, self._metric) if last == len(lines) - 2 else None
             given = _Given(jet if first == 0 else None, head, tail)
-            # corners of tools are rounded at the tip, for which a part of the last line is left
-            flows = beside[1] is not None and beside[1].leads_tip
-            curve = partial(self._curve, lines, (first, last), rests=rests and first == 0, flows=flows)
+            curve = partial(
+                self._curve,
+                lines,
+                (first, last),
+                rests=rests and first == 0,
+                ends=last == len(lines) - 2 and not beside.needs_part,
+            )
             made = curve(given=given)
             if made is None and (head is not None or tail is not None):
                 made = curve(given=_Given(given.jet))
@@ -201,70 +194,20 @@ class ChordSmoother:
                 lines[index] = made[-1]
         return [*items, *lines[index:]]
 
-    def _head(self, lines: SegmentList, out_of: Segment | None) -> Array | None:
-        """Return what a curve begins with that goes on from a segment before two lines (`_meeting`)."""
-        line, behind = lines
-        if out_of is None or out_of.mask & ~line.mask or out_of.finish < 1.0:
-            return None
-        return self._meeting((line, behind), line, (out_of.last, out_of.d2q_end), line.tolerance)
-
-    def _tail(self, lines: SegmentList, into: Segment | None) -> Array | None:
-        """Return what a curve ends with that goes over into a segment behind two lines (`_meeting`)."""
-        before, line = lines
-        if into is None or into.mask & ~line.mask:
-            return None
-        return self._meeting((before, line), line, (into.first, into.d2q_start), into.tolerance)
-
-    def _meeting(
-        self, lines: tuple[Segment, Segment], line: Segment, ends: tuple[Array, Array], tolerance: float
-    ) -> Array | None:
-        """Return derivatives of another segment where a line meets it.
-
-        Args:
-            lines: the line that meets it, ``line``, and the one at that one's other end, in order.
-            ends: the segment's dp/ds and d²p/ds² there, shape (K,). tolerance: of the corner [m].
-
-        Returns:
-            By the length of the path in the metric of the tolerance, shape (4, K), the first row unset; None
-            where the lines are no chords of it.
-        """
-        slope, bend = ends
-        along, travel = slope * self._metric, line.first * self._metric
-        speed, length = float(np.linalg.norm(along)), float(np.linalg.norm(travel))
-        first, second = (each.first * self._metric for each in lines)
-        lengths = float(np.linalg.norm(first)), float(np.linalg.norm(second))
-        if length > LONGER * min(lengths):
-            # it stands for more than a chord
-            return None
-        turn = float(np.linalg.norm(along / speed - travel / length))
-        # by so much a circle is off the middle of a chord that it meets at this angle
-        sagitta = 0.25 * turn * length * MM * (line.finish - line.begin)
-        if turn > GENTLE or sagitta > tolerance / line.lever:
-            return None
-        tangent = slope / speed
-        across = (bend - tangent * float(along @ (bend * self._metric)) / speed) / speed**2
-        curvature = float(np.linalg.norm(across * self._metric))
-        bent = (second / lengths[1] - first / lengths[0]) * (2.0 / (lengths[0] + lengths[1]))
-        most = max(curvature, float(np.linalg.norm(bent)))
-        if float(np.linalg.norm(across * self._metric - bent)) > UNLIKE * most:
-            return None
-        # the third one as of a circle
-        return np.array((np.zeros_like(slope), tangent, across, -(curvature**2) * tangent))
-
     def _curve(
         self,
         lines: SegmentList,
         run: tuple[int, int],
         *,
         rests: bool,
-        flows: bool,
+        ends: bool,
         given: _Given,
     ) -> list[Item] | None:
         """Return the rest of the line before a run of vertices, its curve, and the rest of the line after it.
 
         Args:
-            rests: whether it may begin at the start of its first line. flows: whether the motion goes on
-                behind the last line.
+            rests: whether it may begin at the start of its first line. ends: whether it may end at the end
+                of its last line.
 
         Returns:
             None where no curve is within the tolerance.
@@ -288,7 +231,6 @@ class ChordSmoother:
             begin, start = _begin(before, FADE * float(reaches[0]), chords, rests=rests)
         if given.head is not None:
             begin, start = before.begin, JOINED
-        ends = not flows and last == len(lines) - 1
         finish, end = _finish(after, FADE * float(reaches[-1]), chords, ends=ends)
         if given.tail is not None:
             finish, end = after.finish, JOINED
