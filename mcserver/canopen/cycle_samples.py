@@ -22,7 +22,7 @@ from mcserver.canopen.configuration import of_first_axis
 from mcserver.canopen.dictionary import DeviceDictionary
 from mcserver.canopen.parameters import parameters_of
 from mcserver.drives.cia402.scaling import Scaling
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 
 Array = NDArray[np.float64]
 

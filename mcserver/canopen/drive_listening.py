@@ -23,7 +23,8 @@ from mcserver.canopen.scope import Scope, ScopeTrace, read_trigger
 from mcserver.canopen.scope_recording import record_cycles
 from mcserver.canopen.views import BusHealth, DriveTrace, DriveTuning, ScopeSignal, SdoTarget, TunedLoop
 from mcserver.drives.cia402.drive import cia402_drive
-from mcserver.machine.machine_file import Axis, Machine
+from mcserver.machine.axis import Axis
+from mcserver.machine.machine_file import Machine
 
 T = TypeVar("T")
 

@@ -39,7 +39,7 @@ from mcserver.canopen.torque_tuning import (
 from mcserver.drives.cia402.drive import Cia402Drive, cia402_drive
 from mcserver.drives.cia402.loop_gains import DELAY_CYCLES, ETHERCAT_DELAY_CYCLES
 from mcserver.errors import RuntimeFault, UsageFault
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 from mcserver.units import TURN
 
 # A measurement counts where it explains so much of the torque, and is not more uncertain than this.

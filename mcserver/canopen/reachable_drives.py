@@ -18,7 +18,8 @@ from mcserver.canopen.node_configuration import SdoClient
 from mcserver.canopen.service import CanopenService
 from mcserver.canopen.settings import DriveSettings
 from mcserver.canopen.views import BusHealth, BusScan, DriveInfo, SdoTarget
-from mcserver.machine.machine_file import Axis, Machine
+from mcserver.machine.axis import Axis
+from mcserver.machine.machine_file import Machine
 
 # What the cycle, the supervision and the scaling of positions rest on (CiA 301, CiA 402).
 _CYCLIC = frozenset({0x6040, 0x6060, 0x6071, 0x607A, 0x60C1, 0x60FF})

@@ -13,10 +13,11 @@ from mcserver.canopen.canopen_errors import DriveError
 from mcserver.drives.cia402.drive import BASE_MODES, Cia402Drive
 from mcserver.drives.cia402.scaling import homing_objects, profile_objects, scaling_objects
 from mcserver.drives.streamed import StreamedDrive
+from mcserver.machine.axis import Axis
 from mcserver.machine.bus_section import BusConfig
 from mcserver.machine.drive import CanDrive
 from mcserver.machine.io_process_data import HEARTBEAT_MS, nodes_on
-from mcserver.machine.machine_file import Axis, Machine
+from mcserver.machine.machine_file import Machine
 
 # From the objects of a node's axis to those of its next one (CiA 402).
 AXIS_OFFSET = 0x800

@@ -9,7 +9,7 @@ from mcserver.canopen.cycle_samples import WRAP
 from mcserver.canopen.desk import Desk
 from mcserver.drives.cia402.drive import cia402_drive
 from mcserver.errors import UsageFault
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 
 ENCODER, GEAR, FEED = 0x608F, 0x6091, 0x6092
 # A move that is measured worse than this proves nothing; one that fits as well is taken for right [1].

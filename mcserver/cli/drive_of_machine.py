@@ -22,7 +22,8 @@ from mcserver.canopen.process_data import plan_process_data
 from mcserver.canopen.sdo_write import DriveDictionary
 from mcserver.canopen.settings import DriveSettings, settings_of
 from mcserver.errors import UsageFault
-from mcserver.machine.machine_file import Axis, Machine, load_machine
+from mcserver.machine.axis import Axis
+from mcserver.machine.machine_file import Machine, load_machine
 
 AxisArgument = Annotated[int, typer.Argument(metavar="AXIS", min=0, help="Of the machine file.")]
 

@@ -18,16 +18,9 @@ from mcserver.cli.console import (
 )
 from mcserver.cli.exit_codes import ExitCode
 from mcserver.cli.options import JsonOption
+from mcserver.machine.axis import Axis, axis_name
 from mcserver.machine.bus_load import bus_loads
-from mcserver.machine.machine_file import (
-    BUILT_IN,
-    Axis,
-    Machine,
-    axis_name,
-    builtin_text,
-    load_machine,
-    machine_text,
-)
+from mcserver.machine.machine_file import BUILT_IN, Machine, builtin_text, load_machine, machine_text
 from mcserver.simulation.machine_faults import find_machine_faults
 from mcserver.units import AxisType
 

@@ -29,7 +29,8 @@ from mcserver.drive_sim.power import (
     Stop,
 )
 from mcserver.drives.cia402.drive import cia402_drive
-from mcserver.machine.machine_file import Axis, Machine
+from mcserver.machine.axis import Axis
+from mcserver.machine.machine_file import Machine
 
 # Step of the motor while no SYNC comes [s].
 TICK_S = 0.01

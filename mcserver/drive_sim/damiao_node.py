@@ -28,7 +28,8 @@ from mcserver.drives.damiao.codec import (
     register_request,
 )
 from mcserver.drives.damiao.drive import DamiaoDrive
-from mcserver.machine.machine_file import Axis, Machine
+from mcserver.machine.axis import Axis
+from mcserver.machine.machine_file import Machine
 
 
 class DamiaoNode(MitNode):

@@ -9,7 +9,8 @@ from mcserver.canopen.dictionary import DeviceDictionary
 from mcserver.canopen.settings import settings_of
 from mcserver.drive_sim.dictionary import FORMATS, ObjectStore
 from mcserver.drives.cia402.drive import cia402_drive
-from mcserver.machine.machine_file import Axis, Machine
+from mcserver.machine.axis import Axis
+from mcserver.machine.machine_file import Machine
 
 # Communication is the simulation's own.
 FIRST_INDEX = 0x2000

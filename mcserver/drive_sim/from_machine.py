@@ -18,10 +18,11 @@ from mcserver.drive_sim.simulation import CanNode, Segment, SimulatedBusSegment
 from mcserver.drives.cia402.drive import cia402_drive
 from mcserver.drives.servo_model import DEFAULT_FRICTION, OVERSPEED
 from mcserver.errors import RuntimeFault
+from mcserver.machine.axis import Axis
 from mcserver.machine.bus_section import BusConfig
 from mcserver.machine.drive import CanDrive
 from mcserver.machine.io_process_data import nodes_on, objects_of
-from mcserver.machine.machine_file import Axis, Machine
+from mcserver.machine.machine_file import Machine
 from mcserver.units import TURN
 
 # A motor without a torque limit in the machine file accelerates by this multiple of the axis's limit.

@@ -28,7 +28,8 @@ from mcserver.drives.robstride.codec import (
     parameter_payload,
 )
 from mcserver.drives.robstride.drive import RobstrideDrive
-from mcserver.machine.machine_file import Axis, Machine
+from mcserver.machine.axis import Axis
+from mcserver.machine.machine_file import Machine
 
 
 class RobstrideNode(MitNode):

@@ -21,7 +21,8 @@ from mcserver.drives.servosila.codec import (
     STATUS_PACKING,
 )
 from mcserver.drives.servosila.drive import ServosilaDrive
-from mcserver.machine.machine_file import Axis, Machine
+from mcserver.machine.axis import Axis
+from mcserver.machine.machine_file import Machine
 from mcserver.units import MINUTE, TURN
 
 NEVER = math.inf

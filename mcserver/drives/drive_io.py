@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from mcserver.drives.bus import Array, Feedback
 from mcserver.drives.cia402.axes import Cia402Axes
+from mcserver.machine.axis import Axis
 from mcserver.machine.io_object import IoObject
-from mcserver.machine.machine_file import Axis, Machine
+from mcserver.machine.machine_file import Machine
 
 
 class DriveIo:

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mcserver.drives.bus import Array
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 from mcserver.units import TURN
 
 

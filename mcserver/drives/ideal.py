@@ -8,7 +8,7 @@ import numpy as np
 
 from mcserver.drives.bus import BusEvent, DriveMode, DriveState, Feedback, Setpoints
 from mcserver.drives.simulated_marks import SimulatedMarks
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 
 _STATE_OF_MODE = np.array(
     [

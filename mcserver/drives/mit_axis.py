@@ -16,7 +16,7 @@ from mcserver.drives.bus import DriveFault, DriveMode, DriveState
 from mcserver.drives.mit_drive import MitDrive
 from mcserver.drives.mit_numbers import Feedback
 from mcserver.drives.streamed import StreamedAxis
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 from mcserver.units import TURN
 
 # An order may be answered so many cycles after it was sent.

@@ -17,7 +17,7 @@ from mcserver.machine.constraints import NotNegative
 from mcserver.machine.drive import Refusal
 
 if TYPE_CHECKING:
-    from mcserver.machine.machine_file import Axis
+    from mcserver.machine.axis import Axis
     from mcserver.machine.sections import AxisSection
 
 # Steps of the position that the travel stays away from the ends of ±p_max, where readings stand still.

@@ -17,7 +17,7 @@ from mcserver.drives.cia402.emergency_codes import (
     is_error,
     unpack_emergency,
 )
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 
 # A heartbeat that is late by this factor has stopped (CiA 301 leaves it to the consumer).
 HEARTBEAT_PATIENCE = 2.5

@@ -11,10 +11,11 @@ from mcserver.drives.bus import DriveBus
 from mcserver.drives.ideal import IdealBus
 from mcserver.drives.simulated import SimulatedBus
 from mcserver.errors import ConfigurationError
+from mcserver.machine.axis import Axis
 from mcserver.machine.bus_section import BusConfig
 from mcserver.machine.drive import CanDrive, Drive, IdealDrive
 from mcserver.machine.io_process_data import nodes_on
-from mcserver.machine.machine_file import Axis, Machine
+from mcserver.machine.machine_file import Machine
 
 BusFactory = Callable[[Machine, Sequence[Axis], Sequence[int]], list[DriveBus]]
 # From a machine and one of its buses to a port on it.

@@ -21,7 +21,7 @@ from mcserver.drives.bus import (
 from mcserver.drives.flexible_loads import FlexibleLoads
 from mcserver.drives.servo_model import ServoModel
 from mcserver.drives.simulated_marks import SimulatedMarks
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 
 # Exchanges from the first command to energize until a drive holds.
 START_CYCLES = 2

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mcserver.drives.bus import HOME_SWITCH, Array, Feedback
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 
 
 class SimulatedMarks:

@@ -12,7 +12,7 @@ from mcserver.drives.bus import DriveFault, DriveMode, DriveState
 from mcserver.machine.drive import CanDrive
 
 if TYPE_CHECKING:
-    from mcserver.machine.machine_file import Axis
+    from mcserver.machine.axis import Axis
 
 
 class StreamedAxis(ABC):

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from mcserver.executor.entries import Array
 from mcserver.executor.error_tables import ErrorTable, MeshErrors, PitchErrors, SquareErrors
 from mcserver.executor.shm.feedback import FeedbackRow
-from mcserver.machine.machine_file import Axis, Machine
+from mcserver.machine.axis import Axis
+from mcserver.machine.machine_file import Machine
 
 # A setpoint that comes back by less has not turned, it is rounded [m or rad].
 TURNED = 1e-8

@@ -30,8 +30,8 @@ from mcserver.executor.shm.feedback import SlotState
 from mcserver.executor.shm.mailbox import signed
 from mcserver.executor.target_follower import UNBOUNDED, Bounds
 from mcserver.executor.thread_pass import ThreadPass
+from mcserver.machine.axis import Axis
 from mcserver.machine.follow_section import Superimposed
-from mcserver.machine.machine_file import Axis
 from mcserver.motion.canonical import AxisOperation, MeshUse, SurfaceSpeed, WaitMode
 
 if TYPE_CHECKING:

@@ -18,8 +18,9 @@ from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.leading_curves import Gear, curve_of
 from mcserver.executor.spindle_following import MeasuredPlace
 from mcserver.executor.target_follower import UNBOUNDED, Bounds, tracking_limits
+from mcserver.machine.axis import Axis
 from mcserver.machine.follow_section import Follow
-from mcserver.machine.machine_file import Axis, Machine
+from mcserver.machine.machine_file import Machine
 from mcserver.motion.kernels.target_tracking import MAX_ACCELERATION, MAX_JERK, VELOCITY, follow_targets
 
 # Readings before which the speed of a measured leader is not known well enough to be in step with it.

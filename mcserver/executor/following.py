@@ -17,7 +17,7 @@ from mcserver.executor.cycle import Cycle
 from mcserver.executor.shm.target_box import TargetBox
 from mcserver.executor.target_follower import Bounds, TargetFollower
 from mcserver.executor.trajectories import MotionLimits
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 from mcserver.motion.kernels.target_tracking import POSITION, VELOCITY
 from mcserver.motion.limits.torque_in_box import followed_axis
 

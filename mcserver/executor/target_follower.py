@@ -9,7 +9,7 @@ import numpy as np
 
 from mcserver.executor.entries import Array
 from mcserver.executor.shm.target_box import POINTS, Targets
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 from mcserver.motion.kernels.target_tracking import (
     ACCELERATION,
     POSITION,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, RuckigError, Trajectory
 
 from mcserver.executor.fault_codes import BarrierFault, FaultCode
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 
 # Position, velocity and acceleration [SI].
 State = tuple[float, float, float]

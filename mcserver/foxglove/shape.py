@@ -12,8 +12,9 @@ from mckinematics.solver import MachineKinematics
 
 from mcserver.clearance.outlines import turned
 from mcserver.errors import ConfigurationError
+from mcserver.machine.axis import axis_name
 from mcserver.machine.clearance_section import Body, Clearance, MeshBody, Zone, measures
-from mcserver.machine.machine_file import Machine, axis_name
+from mcserver.machine.machine_file import Machine
 from mcserver.net.model_methods import look
 from mcserver.units import MM, AxisType
 from mcserver.view.bodies import BODY, ZONE, body_solids

@@ -20,8 +20,8 @@ from mcserver.machine.toml_positions import Path
 from mcserver.units import MM, AxisType
 
 if TYPE_CHECKING:
+    from mcserver.machine.axis import Axis
     from mcserver.machine.dialect_section import Dialect
-    from mcserver.machine.machine_file import Axis
 
 # numbers of X, Y and Z: filament that is pushed while they stand gets no advance
 PATH_AXES = (0, 1, 2)

@@ -19,8 +19,9 @@ from mcserver.machine.drive import COMMAND_TIMEOUT_CYCLES, CanDrive
 from mcserver.machine.io_process_data import HEARTBEAT_MS, io_process_data, nodes_on
 
 if TYPE_CHECKING:
+    from mcserver.machine.axis import Axis
     from mcserver.machine.bus_section import BusConfig
-    from mcserver.machine.machine_file import Axis, Machine
+    from mcserver.machine.machine_file import Machine
 
 # Share of a bus that the cycle may take: SDO, EMCY and retransmissions need the rest.
 CEILING = 0.8

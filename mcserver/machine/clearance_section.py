@@ -16,7 +16,7 @@ from mcserver.machine.work_systems import SYSTEM_NUMBERS, WorkSystem
 from mcserver.units import AxisType
 
 if TYPE_CHECKING:
-    from mcserver.machine.machine_file import Axis
+    from mcserver.machine.axis import Axis
 
 Length = Annotated[float, Meta(gt=0.0, le=1e6, description="give mm above 0, at the most 1e6")]
 Number = Annotated[float, Meta(ge=-1e6, le=1e6, description="give a number up to 1e6")]

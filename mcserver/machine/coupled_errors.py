@@ -21,7 +21,7 @@ from mcserver.machine.toml_positions import Path
 from mcserver.units import MM, AxisType
 
 if TYPE_CHECKING:
-    from mcserver.machine.machine_file import Axis
+    from mcserver.machine.axis import Axis
 
 # The greatest slope, curvature and third derivative of the quintic step 6u⁵ - 15u⁴ + 10u³ on 0 … 1.
 SLOPE, CURVATURE, THIRD = 1.875, 10.0 / math.sqrt(3.0), 60.0

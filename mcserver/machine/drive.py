@@ -20,8 +20,8 @@ from mcserver.can.cob import GREATEST_NODE, LEAST_NODE
 from mcserver.machine.constraints import Count, Damping, Milliseconds, NotNegative, Positive
 
 if TYPE_CHECKING:
+    from mcserver.machine.axis import Axis
     from mcserver.machine.bus_load import Share
-    from mcserver.machine.machine_file import Axis
     from mcserver.machine.sections import AxisSection
 
 # Default time without commands after which a drive acts by itself [ms, cycles].

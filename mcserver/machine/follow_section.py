@@ -20,8 +20,8 @@ from mcserver.machine.toml_positions import Path
 from mcserver.units import MM
 
 if TYPE_CHECKING:
+    from mcserver.machine.axis import Axis
     from mcserver.machine.clearance_section import Body
-    from mcserver.machine.machine_file import Axis
     from mcserver.machine.tool_section import Tool
 
 # Numbers beyond this are no places, and squares of them might be no numbers at all.

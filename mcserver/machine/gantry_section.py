@@ -13,8 +13,8 @@ from mcserver.machine.section_reader import Mistakes
 from mcserver.machine.toml_positions import Path
 
 if TYPE_CHECKING:
+    from mcserver.machine.axis import Axis
     from mcserver.machine.clearance_section import Body
-    from mcserver.machine.machine_file import Axis
     from mcserver.machine.tool_section import Tool
 
 # Homing methods in which two sides square each other, or nothing moves.

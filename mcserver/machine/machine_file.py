@@ -17,9 +17,7 @@ from mckinematics.description import EARTH
 
 from mcserver.errors import ConfigurationError
 from mcserver.machine.advance_section import check_advance
-from mcserver.machine.axis import Axis as Axis
-from mcserver.machine.axis import axis_name as axis_name
-from mcserver.machine.axis import check_rollover, check_torques, home_switches, read_axes, reserving
+from mcserver.machine.axis import Axis, check_rollover, check_torques, home_switches, read_axes, reserving
 from mcserver.machine.bus_load import refuse_overload
 from mcserver.machine.bus_section import BusConfig, read_buses
 from mcserver.machine.button_section import Button, read_buttons

@@ -14,8 +14,8 @@ from mcserver.machine.section_reader import Mistakes
 from mcserver.machine.toml_positions import Path
 
 if TYPE_CHECKING:
+    from mcserver.machine.axis import Axis
     from mcserver.machine.dialect_section import Dialect
-    from mcserver.machine.machine_file import Axis
 
 
 class MeshProbe(msgspec.Struct, frozen=True):

@@ -10,8 +10,9 @@ from mckinematics.solution_check import check_machine
 
 from mcserver.can.address import Transport, parse_address
 from mcserver.errors import ConfigurationError, Diagnostic
+from mcserver.machine.axis import Axis, axis_name
 from mcserver.machine.drive import CanDrive
-from mcserver.machine.machine_file import Axis, Machine, axis_name
+from mcserver.machine.machine_file import Machine
 from mcserver.machine.machine_kinematics import build_kinematics
 
 # Ratio of a follower's limits to those that its leader needs of it, for it to synchronize within its cycle.

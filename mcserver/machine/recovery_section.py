@@ -11,7 +11,7 @@ from msgspec import Meta
 from mcserver.machine.section_reader import Mistakes
 
 if TYPE_CHECKING:
-    from mcserver.machine.machine_file import Axis
+    from mcserver.machine.axis import Axis
 
 AxisIndex = Annotated[int, Meta(ge=0, le=63, description="an axis of this file")]
 

@@ -23,7 +23,7 @@ from mcserver.machine.toml_positions import Path
 from mcserver.units import AxisType
 
 if TYPE_CHECKING:
-    from mcserver.machine.machine_file import Axis
+    from mcserver.machine.axis import Axis
 
 # Residual vibration that EI and 2HEI are designed for [1].
 RESIDUAL = 0.05

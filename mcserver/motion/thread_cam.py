@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 from mcserver.units import TURN
 
 # Greatest speed of the spindle, as a multiple of its S.

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from mcserver.clearance.mounted import SPINDLE
 from mcserver.executor.shm.mailbox import SLOTS
 from mcserver.gcode.text.source import MAX_LINE_LENGTH
+from mcserver.machine.axis import Axis
 from mcserver.machine.dialect_section import Cutter, Dialect
 from mcserver.machine.io_section import Input, Output
-from mcserver.machine.machine_file import Axis, Machine
+from mcserver.machine.machine_file import Machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.machine.probing_cycles import probing_cycles
 from mcserver.machine.work_systems import ANGLE, SYSTEM_NUMBERS

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from mcserver.executor.entries import Control, ControlKind
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 from mcserver.planning.shared_space import Extent, Mask
 
 # Kinds whose motion is on a straight line.

@@ -7,7 +7,8 @@ from collections.abc import Container
 
 import msgspec
 
-from mcserver.machine.machine_file import Axis, Machine
+from mcserver.machine.axis import Axis
+from mcserver.machine.machine_file import Machine
 
 
 def machine_for(machine: Machine, homed: Container[int], *, moves_unhomed: bool) -> Machine:

@@ -11,7 +11,8 @@ import numpy as np
 from mckinematics.solver import MachineKinematics
 from numpy.typing import NDArray
 
-from mcserver.machine.machine_file import Axis, Machine, axis_name
+from mcserver.machine.axis import Axis, axis_name
+from mcserver.machine.machine_file import Machine
 from mcserver.plot.surroundings import Surroundings, surroundings_of
 from mcserver.simulation.recorder import Recorded
 from mcserver.simulation.tool_poses import tool_poses

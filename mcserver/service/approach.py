@@ -10,7 +10,8 @@ import msgspec
 
 from mcserver.errors import ServiceError
 from mcserver.gcode.semantics.program_units import motor_rpm
-from mcserver.machine.machine_file import Axis, Machine, axis_name
+from mcserver.machine.axis import Axis, axis_name
+from mcserver.machine.machine_file import Machine
 from mcserver.machine.recovery_section import Recovery
 from mcserver.motion.canonical import MeshUse
 from mcserver.planning.start_state import Awaited, StartState, StateBefore

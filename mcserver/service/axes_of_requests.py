@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from mcserver.errors import Refused
-from mcserver.machine.machine_file import Axis, Machine
+from mcserver.machine.axis import Axis
+from mcserver.machine.machine_file import Machine
 
 
 def axes_of(machine: Machine, axes: Sequence[int] | None) -> tuple[int, ...]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from types import MappingProxyType
 
 from mcserver.executor.entries import EventKind, ExecutorEvent, HomingPhase
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 from mcserver.motion.canonical import MESH_OF_FILE, MeshUse
 from mcserver.service.event_log import EventLog
 from mcserver.service.references import References

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 from mcserver.errors import Refused
 from mcserver.executor.entries import Control, ControlKind
-from mcserver.machine.machine_file import Axis, axis_name
+from mcserver.machine.axis import Axis, axis_name
 from mcserver.motion.canonical import AxisOperation
 from mcserver.service.axes_of_requests import axes_of, axis_of
 from mcserver.service.program import Program

@@ -16,7 +16,7 @@ import math
 from typing import TYPE_CHECKING
 
 from mcserver.errors import Refused
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 from mcserver.service.axes_of_requests import axes_of, axis_of
 from mcserver.service.program import Program
 from mcserver.service.program_options import ProgramOptions

@@ -8,7 +8,8 @@ from pathlib import Path
 import msgspec
 
 from mcserver.executor.process_start import StoredReference
-from mcserver.machine.machine_file import Axis, Machine
+from mcserver.machine.axis import Axis
+from mcserver.machine.machine_file import Machine
 from mcserver.service.kept_file import KeptFiles, Write, with_checksum, without_checksum, write_at_once
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.executor.shm.target_box import POINTS, Targets
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 from mcserver.service.reports import ServoStatus
 from mcserver.service.tool_targets import REACH, ToolTargets
 

@@ -17,7 +17,7 @@ from mckinematics.pose import Pose
 from mckinematics.tool import Targets, ToolModel, pose_difference
 from numpy.typing import NDArray
 
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 
 if TYPE_CHECKING:
     # do not load the solvers for a machine without tools

@@ -26,8 +26,9 @@ from mcserver.drives.servo_model import ServoModel
 from mcserver.errors import Diagnostic
 from mcserver.executor.stopping import SPARE_ROWS, StopTimes, stopping_rows
 from mcserver.executor.supervision import patience_cycles
+from mcserver.machine.axis import Axis
 from mcserver.machine.drive import CanDrive
-from mcserver.machine.machine_file import Axis, Machine
+from mcserver.machine.machine_file import Machine
 from mcserver.units import MM
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from mcserver.executor.entries import Array
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 from mcserver.machine.shaper_section import RESIDUAL, Shaper, ShaperType, Shaping
 from mcserver.units import TURN
 

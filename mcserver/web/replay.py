@@ -11,7 +11,8 @@ import numpy as np
 from mckinematics.solver import MachineKinematics
 
 from mcserver.errors import McError
-from mcserver.machine.machine_file import Machine, axis_name
+from mcserver.machine.axis import axis_name
+from mcserver.machine.machine_file import Machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.recorder.reading import read_recording
 from mcserver.simulation.recorder import Recorded

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from mcserver.cli.app import run_command_line
-from mcserver.machine.machine_file import BUILT_IN, axis_name, load_machine, parse_machine
+from mcserver.machine.axis import axis_name
+from mcserver.machine.machine_file import BUILT_IN, load_machine, parse_machine
 from mcserver.machine.plausibility import find_doubts, find_tool_faults
 
 

@@ -20,7 +20,7 @@ from mcserver.drives.cia402.readings import AxisReadings
 from mcserver.drives.cia402.rpdos import Rpdos
 from mcserver.drives.cia402.scaling import TORQUE_LIMIT, Scaling, wrapped
 from mcserver.drives.cia402.state import Controlword
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 
 INT32 = 2.0**31 - 1.0
 

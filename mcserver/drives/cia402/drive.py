@@ -19,7 +19,7 @@ from mcserver.machine.constraints import Milliseconds, NotNegative, Positive, Un
 from mcserver.machine.drive import COMMAND_TIMEOUT_MS, CanDrive, Refusal
 
 if TYPE_CHECKING:
-    from mcserver.machine.machine_file import Axis
+    from mcserver.machine.axis import Axis
     from mcserver.machine.sections import AxisSection
 
 # What drives on EtherCAT are run in.

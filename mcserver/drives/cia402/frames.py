@@ -13,7 +13,7 @@ from mcserver.can.cob import Function
 from mcserver.can.pdo import MappedObject, MappedPdo, ProcessData
 from mcserver.can.pdo_layout import RPDO1, RPDO2, TPDO1, TPDO2, Pdo
 from mcserver.drives.cia402.drive import cia402_drive
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 
 AXIS_OFFSET = 0x800
 CONTROLWORD, MODE, TARGET_POSITION, INTERPOLATED = 0x6040, 0x6060, 0x607A, 0x60C1

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from mcserver.drives.bus import Array, DriveFault
 from mcserver.drives.cia402.drive import cia402_drive
 from mcserver.drives.cia402.loop_gains import DELAY_CYCLES
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 
 Mask = NDArray[np.bool_]
 

@@ -14,7 +14,7 @@ from mcserver.drives.cia402.frames import AxisFrames
 from mcserver.drives.cia402.power_stage import PowerStage
 from mcserver.drives.cia402.readings import AxisReadings
 from mcserver.drives.cia402.state import STATE_BITS, STATE_OF_BITS
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 
 # Counts in `VELOCITY_CYCLES` at which a motor counts as standing.
 STANDING_COUNTS = 2

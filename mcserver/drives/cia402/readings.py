@@ -13,7 +13,7 @@ from mcserver.can.pdo_layout import TPDO1
 from mcserver.drives.bus import Array, Feedback
 from mcserver.drives.cia402.frames import AxisFrames, IncomingPdo
 from mcserver.drives.cia402.scaling import PositionTracker, Scaling
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 
 # Cycles over which a velocity is taken from positions.
 VELOCITY_CYCLES = 4

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.drives.cia402.drive import Cia402Drive, cia402_drive
+from mcserver.machine.axis import Axis
 from mcserver.machine.drive import CanDrive
-from mcserver.machine.machine_file import Axis
 
 Array = NDArray[np.float64]
 

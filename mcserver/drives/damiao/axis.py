@@ -22,7 +22,7 @@ from mcserver.drives.damiao.codec import (
 )
 from mcserver.drives.damiao.drive import DamiaoDrive
 from mcserver.drives.mit_axis import MitAxis, Power, Requirement
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 
 _FAULTS: Mapping[int, DriveFault] = MappingProxyType(
     {

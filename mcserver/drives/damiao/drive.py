@@ -23,7 +23,7 @@ from mcserver.drives.streamed import StreamedAxis
 from mcserver.machine.drive import Refusal
 
 if TYPE_CHECKING:
-    from mcserver.machine.machine_file import Axis
+    from mcserver.machine.axis import Axis
     from mcserver.machine.sections import AxisSection
 
 # Feedback comes by a motor's number and this, where the machine file does not say.

@@ -29,7 +29,7 @@ from mcserver.drives.robstride.codec import (
     to_motor,
 )
 from mcserver.drives.robstride.drive import RobstrideDrive
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 
 _FAULTS: Mapping[FaultBit, DriveFault] = MappingProxyType(
     {

@@ -27,7 +27,7 @@ from mcserver.machine.constraints import NotNegative
 from mcserver.machine.drive import Refusal
 
 if TYPE_CHECKING:
-    from mcserver.machine.machine_file import Axis
+    from mcserver.machine.axis import Axis
     from mcserver.machine.sections import AxisSection
 
 _RANGE = "the end of the motor's range in its manual's table of commands"

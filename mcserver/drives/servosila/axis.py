@@ -26,7 +26,7 @@ from mcserver.drives.servosila.codec import (
 )
 from mcserver.drives.servosila.drive import ServosilaDrive
 from mcserver.drives.streamed import StreamedAxis
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 from mcserver.units import MINUTE
 
 # A telemetry frame that comes so many cycles after a command may be an answer to it.

@@ -19,7 +19,7 @@ from mcserver.machine.drive import Refusal
 from mcserver.machine.section_reader import did_you_mean
 
 if TYPE_CHECKING:
-    from mcserver.machine.machine_file import Axis
+    from mcserver.machine.axis import Axis
     from mcserver.machine.sections import AxisSection
 
 # Codes of Servosila's commands that its public reference gives; the others come from the machine file.

@@ -9,8 +9,8 @@ from mcserver.gcode.line_faults import FaultList, Span
 from mcserver.gcode.profiles.cycle_motion import CycleMotion
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.text.profile_words import Action, ProfileWord
+from mcserver.machine.axis import Axis
 from mcserver.machine.coupled_errors import Mesh
-from mcserver.machine.machine_file import Axis
 from mcserver.motion.canonical import Canonical, MeshLine, MeshUse, ProbeKind, ProbeLine
 
 # P1 of Marlin's unified bed leveling probes, X Y W H C say where: here it is the whole bed

@@ -11,7 +11,7 @@ from mcserver.gcode.profiles.frame import Frame, Surface
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.program_units import motor_speed
 from mcserver.gcode.text.profile_words import Action
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 from mcserver.motion.canonical import Canonical, FeedGroup, MotionLine, SpeedGroup, SurfaceSpeed
 from mcserver.motion.geometry.curves import LineCurve
 from mcserver.units import FOOT, MINUTE, TURN, AxisType

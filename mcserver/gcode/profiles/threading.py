@@ -13,7 +13,7 @@ from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.program_units import length_scale, motor_speed
 from mcserver.gcode.semantics.travel_limits import ROUNDING
 from mcserver.gcode.text.profile_words import Action
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 from mcserver.motion.canonical import Canonical, MotionLine, RapidGroup, ThreadLine
 from mcserver.motion.thread_cam import MOST_SPEED, least_tapping, plan_cam, stopping_turns
 from mcserver.units import DEGREE, MM, TURN, AxisType

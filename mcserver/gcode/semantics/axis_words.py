@@ -14,7 +14,7 @@ from mcserver.gcode.semantics.program_places import WordValue, ends_of
 from mcserver.gcode.semantics.program_units import length_scale
 from mcserver.gcode.text.syntax import Command, Setting
 from mcserver.gcode.text.words import INCREMENTAL_LETTERS, Word
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 from mcserver.units import MM
 
 

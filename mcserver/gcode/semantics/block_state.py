@@ -21,8 +21,9 @@ from mcserver.gcode.text.parser import ParsedLine
 from mcserver.gcode.text.profile_words import Action, ProfileWord
 from mcserver.gcode.text.syntax import Command
 from mcserver.gcode.text.words import Word
+from mcserver.machine.axis import Axis
 from mcserver.machine.follow_section import Superimposed
-from mcserver.machine.machine_file import Axis, Machine
+from mcserver.machine.machine_file import Machine
 
 # replaces a feed that could not be read, so that later lines have no fault for it; only in checks
 ASSUMED_FEED = Feed(1.0, 1.0)

@@ -7,7 +7,7 @@ from mcserver.gcode.semantics.program_units import motor_rpm, shown_number, show
 from mcserver.gcode.text.profile_words import Action, ProfileWord
 from mcserver.gcode.text.syntax import Command
 from mcserver.gcode.text.words import Word
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.axis import Axis
 
 ROUNDING = 1e-9  # m or rad: a converted unit may miss its limit in the last bits
 

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mcserver.drives.cia402.scaling import PositionTracker, Scaling, scaling_objects, wrapped
-from mcserver.machine.machine_file import Axis, parse_machine
+from mcserver.machine.axis import Axis
+from mcserver.machine.machine_file import parse_machine
 
 INT32 = st.integers(-(2**31), 2**31 - 1)
 
