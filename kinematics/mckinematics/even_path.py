@@ -1,4 +1,4 @@
-"""Short paths of a tool on which all joints may go evenly: lines in joint space."""
+"""Short lines of a tool on which all joints may go evenly: lines in joint space."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ import numpy as np
 
 from mckinematics.next_pose import solve_near
 from mckinematics.path_solver import CLEAR_GAIN
-from mckinematics.pose import Array, ToolPath
-from mckinematics.target_path import TargetPath
-from mckinematics.tool import ToolModel
+from mckinematics.pose import Array
+from mckinematics.rotation import euler_to_matrix, rotation_matrices, rotation_vectors
+from mckinematics.target_path import START_TOLERANCE
+from mckinematics.tool import Targets, ToolModel
 
-# s at which the tool is compared with its path
+# shares of a line at which the tool is compared with it
 SAMPLES = np.linspace(0.0, 1.0, 5)
 SAMPLES.setflags(write=False)
 # how far the end may be off its pose [m], [rad]: what Newton's last step leaves, far below `START_TOLERANCE`
@@ -20,61 +21,124 @@ END_TOLERANCE = 1e-7
 
 
 @dataclass(frozen=True)
-class EvenPath:
-    """Joints that go evenly from where they are.
+class EvenPaths:
+    """Consecutive lines, n of them, on each of which all joints go evenly.
 
     Attributes:
-        end: shape (K,), the joints at s = 1. fastest: the tool's greatest speed by s [m].
-        rates: of the tool by those of the joints at both ends, shape (2, 3 or 6, K).
-        off [m], off_angle [rad]: how far the tool is off its path.
+        joints: where the first begins and where each ends, shape (n+1, K).
+        fastest: the tool's greatest speed by the share of its line, shape (n,) [m].
+        rates: of the tool by those of the joints at both ends of each, shape (n, 2, 3 or 6, K).
+        off [m], off_angle [rad]: how far the tool is off each line, shape (n,).
     """
 
-    end: Array
-    fastest: float
+    joints: Array
+    fastest: Array
     rates: Array
-    off: float
-    off_angle: float
+    off: Array
+    off_angle: Array
+
+    def __len__(self) -> int:
+        return len(self.fastest)
 
     @classmethod
-    def of(cls, start: Array, end: Array, rates: Array, residual: Array) -> EvenPath:
-        """Return the path from ``start`` to ``end``.
+    def of(cls, joints: Array, rates: Array, residual: Array) -> EvenPaths:
+        """Return the lines between ``joints``, shape (n+1, K).
 
         Args:
-            rates, residual: at `SAMPLES`, the tool's rates, shape (n, rows, K), and what it misses its
-                path by, shape (n, rows) [m, rad].
+            rates, residual: at `SAMPLES` of each line, the tool's rates, shape (n, 5, rows, K), and what it
+                misses its line by, shape (n, 5, rows) [m, rad].
         """
-        fastest = float(np.linalg.norm(rates[:, :3] @ (end - start), axis=1).max())
+        travels = np.diff(joints, axis=0)
+        moved = np.einsum("nsij,nj->nsi", rates[:, :, :3], travels)
+        fastest = np.linalg.norm(moved, axis=2).max(axis=1)
         off, off_angle = (
-            float(np.linalg.norm(part, axis=1).max()) for part in (residual[:, :3], residual[:, 3:])
+            np.linalg.norm(part, axis=2).max(axis=1) for part in (residual[..., :3], residual[..., 3:])
         )
-        return cls(end, fastest, rates[:: len(SAMPLES) - 1], off, off_angle)
+        return cls(joints, fastest, rates[:, :: len(SAMPLES) - 1], off, off_angle)
+
+    def first(self, count: int) -> EvenPaths:
+        """Return the first ``count`` lines."""
+        return EvenPaths(
+            self.joints[: count + 1],
+            self.fastest[:count],
+            self.rates[:count],
+            self.off[:count],
+            self.off_angle[:count],
+        )
 
 
-def solve_even_path(tool: ToolModel, path: ToolPath, joints: Array) -> EvenPath | None:
-    """Return the joints going evenly along a tool's path.
+def samples_of(joints: Array) -> Array:
+    """Return the joints at `SAMPLES` of each line, shape (n·5, K)."""
+    starts, travels = joints[:-1, None], np.diff(joints, axis=0)[:, None]
+    return np.asarray((starts + SAMPLES[:, None] * travels).reshape(-1, joints.shape[1]))
+
+
+def solve_even_paths(tool: ToolModel, points: Array, angles: Array | None, joints: Array) -> EvenPaths:
+    """Return the joints going evenly along consecutive lines of a tool, from the first on while they may.
 
     Args:
-        joints: at the path's start, shape (K,).
+        points: where the first line begins and where each ends, shape (n+1, 3) [m]. angles: A, B, C there,
+            shape (n+1, 3) [rad], of a tool with orientation. joints: at the first, shape (K,).
 
     Returns:
-        None where the path's end is not near or past a limit, where joints go wild, or where the chain has
-        too few joints for poses: `solve_tool_path` decides then.
-
-    Raises:
-        ModelError: the joints are not at the path's start.
+        Ends before a line whose end is not near or past a limit, or on which joints go wild. No line where
+        the joints are not at the first place, or where the chain has too few joints for poses. The tool's
+        path solver (`solve_tool_path`) decides then.
     """
-    if tool.rank < tool.rows:
-        return None
-    targets = TargetPath(tool, path, joints)
-    end = solve_near(tool, targets.at(SAMPLES[-1:]), joints)
-    if end is None:
-        return None
-    travel = end - joints
-    speed = tool.tool_speed(targets.rates(SAMPLES[:1]))[0]
-    if tool.joint_speed(travel[None])[0] > CLEAR_GAIN * speed:
-        return None
-    residual, rates = tool.linearise(joints + SAMPLES[:, None] * travel, targets.at(SAMPLES))
-    if np.abs(residual[-1]).max() > END_TOLERANCE:
-        # beside a singular position a short step may be small without closing the gap
-        return None
-    return EvenPath.of(joints, end, rates, residual)
+    rotations = None if angles is None or not tool.orientation else _matrices(angles, tool.euler)
+    targets = Targets(points, rotations)
+    found = [joints]
+    if tool.rank == tool.rows and _begins(tool, targets, joints):
+        for index in range(1, len(points)):
+            end = solve_near(tool, targets.rows(slice(index, index + 1)), found[-1])
+            if end is None:
+                break
+            found.append(end)
+    followed = np.array(found)
+    count = len(followed) - 1
+    return _sound(tool, followed, targets.rows(slice(1, count + 1)))
+
+
+def _begins(tool: ToolModel, targets: Targets, joints: Array) -> bool:
+    """Return whether the tool is at the first target."""
+    missing = tool.residual(joints[None], targets.rows(slice(0, 1)))
+    return bool(np.abs(missing).max() <= START_TOLERANCE)
+
+
+def _sound(tool: ToolModel, joints: Array, ends: Targets) -> EvenPaths:
+    """Return the lines up to the first that misses its end, or on which joints go wild."""
+    travels = np.diff(joints, axis=0)
+    residual, rates = tool.linearise(samples_of(joints), _along(tool, joints, ends))
+    shape = (len(travels), len(SAMPLES), tool.rows)
+    residual, rates = residual.reshape(shape), rates.reshape(*shape, joints.shape[1])
+    # beside a singular position a short step may be small without closing the gap
+    sound = np.abs(residual[:, -1]).max(axis=1, initial=0.0) <= END_TOLERANCE
+    missing = tool.residual(joints[:-1], ends)
+    sound &= ~(tool.joint_speed(travels) > CLEAR_GAIN * tool.tool_speed(missing))
+    count = len(sound) if sound.all() else int(sound.argmin())
+    return EvenPaths.of(joints, rates, residual).first(count)
+
+
+def _along(tool: ToolModel, joints: Array, ends: Targets) -> Targets:
+    """Return the targets at `SAMPLES` of lines that begin where the tool is: at joints (n+1, K) but the last.
+
+    The tool turns about one axis, evenly (D-51).
+    """
+    starts, turned = tool.chain.forward(joints[:-1])
+    shares = SAMPLES[:, None]
+    positions = (starts[:, None] + shares * (ends.positions - starts)[:, None]).reshape(-1, 3)
+    if ends.rotations is None:
+        return Targets(positions, None)
+    turns = rotation_vectors(ends.rotations @ turned.swapaxes(-1, -2))
+    rotations = rotation_matrices(shares * turns[:, None]) @ turned[:, None]
+    return Targets(positions, rotations.reshape(-1, 3, 3))
+
+
+def _matrices(angles: Array, order: str) -> Array:
+    """Return the rotations of A, B, C, shape (n, 3) → (n, 3, 3); the same angles mostly stand repeatedly."""
+    known: dict[tuple[float, ...], Array] = {}
+    rows = [tuple(each) for each in angles.tolist()]
+    for a, b, c in rows:
+        if (a, b, c) not in known:
+            known[a, b, c] = euler_to_matrix((a, b, c), order)
+    return np.array([known[each] for each in rows])

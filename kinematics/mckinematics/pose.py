@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from mckinematics.dynamics import JointDynamics
-    from mckinematics.even_path import EvenPath
+    from mckinematics.even_path import EvenPaths
     from mckinematics.tip_control import TipControl
 
 Array = NDArray[np.float64]
@@ -110,8 +110,12 @@ class Kinematics(Protocol):
     def solve_path(self, tool: int, path: ToolPath, joints: Mapping[int, float]) -> JointPath:
         """Joint path that starts at ``joints``; raises `KinematicsError`; nothing is clipped."""
 
-    def solve_even_path(self, tool: int, path: ToolPath, joints: Mapping[int, float]) -> EvenPath | None:
-        """Joints going evenly from ``joints``; None where `solve_path` has to decide; raises `ModelError`."""
+    def solve_even_paths(
+        self, tool: int, points: Array, angles: Array | None, joints: Mapping[int, float]
+    ) -> EvenPaths:
+        """Joints going evenly from ``joints`` along lines between points, shape (n+1, 3) [m], with angles,
+        shape (n+1, 3) [rad]; ends before a line where `solve_path` has to decide.
+        """
 
     def tolerances(self, tool: int) -> tuple[float, float]:
         """How far the tool may be off its path [m, rad] (D-54)."""

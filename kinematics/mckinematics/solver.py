@@ -10,7 +10,7 @@ from mckinematics.beside import check_beside
 from mckinematics.description import MachineDescription, ToolDescription
 from mckinematics.dynamics import JointDynamics
 from mckinematics.errors import ModelError
-from mckinematics.even_path import EvenPath, solve_even_path
+from mckinematics.even_path import EvenPaths, solve_even_paths
 from mckinematics.model import RobotModel, build_chain, load_model
 from mckinematics.path_solver import solve_tool_path
 from mckinematics.pose import Array, JointPath, Pose, ToolPath, Triple
@@ -128,14 +128,17 @@ class MachineKinematics:
         model = self.tool(tool)
         return solve_tool_path(model, path, _column(model, joints))
 
-    def solve_even_path(self, tool: int, path: ToolPath, joints: Mapping[int, float]) -> EvenPath | None:
-        """The joints going evenly from ``joints`` along ``path``; None where `solve_path` has to decide.
+    def solve_even_paths(
+        self, tool: int, points: Array, angles: Array | None, joints: Mapping[int, float]
+    ) -> EvenPaths:
+        """The joints going evenly from ``joints`` along lines, up to one where `solve_path` has to decide.
 
-        Raises:
-            ModelError: the joints are not at the path's start.
+        Args:
+            points: shape (n+1, 3) [m], and angles: A, B, C, shape (n+1, 3) [rad], of the lines' ends; None
+                for a tool without orientation.
         """
         model = self.tool(tool)
-        return solve_even_path(model, path, _column(model, joints))
+        return solve_even_paths(model, points, angles, _column(model, joints))
 
     def tolerances(self, tool: int) -> tuple[float, float]:
         """How far the tool may be off its path [m, rad] (D-54)."""

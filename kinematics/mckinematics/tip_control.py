@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from mckinematics import refusal
 from mckinematics.errors import KinematicsError, ModelError
-from mckinematics.even_path import SAMPLES, EvenPath
+from mckinematics.even_path import SAMPLES, EvenPaths, samples_of
 from mckinematics.pose import Array, JointPath
-from mckinematics.search import LIMIT_SLACK
+from mckinematics.search import LIMIT_SLACK, within_limits
 from mckinematics.spline import clamped_spline, evaluate_cells, spline_extremes
 from mckinematics.tool import ToolModel
 
@@ -115,13 +115,22 @@ class TipControl:
         joints[:, self.sliding] = _solved(rates[:, :3, self.sliding], points - tips)
         return joints
 
-    def even_path(self, lead: Lead) -> EvenPath:
-        """Return the joints going evenly to the path's end, past limits too (`refuse_beyond`)."""
-        last = lead.position(np.ones(1))
-        end = self.solve(last, lead.turns[None])[0]
-        travel = end - lead.start
-        tips, rates = self._linearise(lead.start + SAMPLES[:, None] * travel)
-        return EvenPath.of(lead.start, end, rates[:, :3], lead.position(SAMPLES) - tips)
+    def even_paths(self, points: Array, turns: Array, start: Array) -> EvenPaths:
+        """Return the joints going evenly along consecutive lines of the tip, up to one that passes a limit.
+
+        Args:
+            points: where the first line begins and where each ends, shape (n+1, 3) [m]. turns: of the
+                turning joints there, shape (n+1, T) [rad]. start: joints at the first, shape (K,).
+        """
+        joints = np.concatenate((start[None], self.solve(points[1:], turns[1:])))
+        inside = within_limits(self.tool, joints[1:])
+        count = len(inside) if inside.all() else int(inside.argmin())
+        joints, points = joints[: count + 1], points[: count + 1]
+        tips, rates = self._linearise(samples_of(joints))
+        starts, travels = points[:-1, None], np.diff(points, axis=0)[:, None]
+        shape = (count, len(SAMPLES), 3)
+        residual = starts + SAMPLES[:, None] * travels - tips.reshape(shape)
+        return EvenPaths.of(joints, rates[:, :3].reshape(*shape, joints.shape[1]), residual)
 
     def path(self, lead: Lead) -> JointPath:
         """Joint path that keeps the tip on its path within the tool's tolerance.

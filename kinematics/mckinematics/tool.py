@@ -21,6 +21,8 @@ RANK_THRESHOLD = 1e-6
 # how quickly joints to spare go to their posture: while the tool travels its reach, or turns by a radian,
 # what is left to it falls to exp(-this)
 POSTURE_PULL = 1.0
+# how near counts as reached [m], [rad]: beside a singular position Newton's method leaves some 5e-9
+REACHED = 1e-8
 # share of the tolerance that a chain with too few joints may stay off
 LOOSE_SHARE = 0.5
 
@@ -209,8 +211,8 @@ def build_tool(
         euler=euler,
         rank=rank,
         seeds=seeds,
-        residual_tolerance=LOOSE_SHARE * tolerance if loose else 1e-9,
-        residual_tolerance_angle=LOOSE_SHARE * tolerance_angle if loose else 1e-9,
+        residual_tolerance=LOOSE_SHARE * tolerance if loose else REACHED,
+        residual_tolerance_angle=LOOSE_SHARE * tolerance_angle if loose else REACHED,
         tolerance=tolerance,
         tolerance_angle=tolerance_angle,
         posture=None if posture is None else np.array(posture, dtype=float),

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.motion.geometry.curves import ArcCurve, Array, Curve, LineCurve
+from mcserver.motion.geometry.curves import ArcCurve, Array, Curve, LineCurve, TipColumns
 
 # Comma groups whose times T differ by no more than this share are taken to have the same T.
 SAME_TIME = 1e-9
@@ -199,8 +199,10 @@ class PathBatch(msgspec.Struct, frozen=True, eq=False):
         lengths: shape (n,), as `Curve.length`. travels: shape (n,), the linear part of each [m].
         requested: shape (n,), T that the program asks for [s]: 60/F, or length/F.
         speeds: G94: path speeds, shape (n,) [m/s or rad/s]; None under G93, where T is ``requested``.
-        exact_stop, tolerance: as in `MotionLine`, the same for all lines.
+        tolerances, exact_stop: as in `MotionLine`, shape (n,), and the same for all lines.
         outputs: that S sets; None: no line has an S that sets any.
+        tips: of lines that lead a tool's tip; ``travels`` are the tip's; None: no line leads one.
+        carried: as in `FeedGroup`.
     """
 
     lines: NDArray[np.int64]
@@ -214,9 +216,11 @@ class PathBatch(msgspec.Struct, frozen=True, eq=False):
     travels: Array
     requested: Array
     speeds: Array | None
+    tolerances: Array
     exact_stop: bool = False
-    tolerance: float = 0.0
     outputs: SpeedOutputs | None = None
+    tips: TipColumns | None = None
+    carried: tuple[int, ...] = ()
 
     def __len__(self) -> int:
         return len(self.lines)
@@ -250,9 +254,11 @@ class PathBatch(msgspec.Struct, frozen=True, eq=False):
             self.travels[at],
             self.requested[at],
             None if self.speeds is None else self.speeds[at],
+            self.tolerances[at],
             self.exact_stop,
-            self.tolerance,
             None if self.outputs is None else SpeedOutputs(self.outputs.outputs, self.outputs.values[at]),
+            None if self.tips is None else self.tips.part(at),
+            self.carried,
         )
 
     def first_beyond(self, axes: set[int]) -> tuple[int, tuple[int, ...]] | None:
@@ -269,7 +275,7 @@ class PathBatch(msgspec.Struct, frozen=True, eq=False):
         places = [tuple(self.axes.index(axis) for axis in frame) for frame in self.frames]
         speeds = [None] * len(self) if self.speeds is None else self.speeds.tolist()
         found = []
-        for index, (line, frame, centre, sweep, length, travel, requested) in enumerate(
+        for index, (line, frame, centre, sweep, length, travel, requested, tolerance) in enumerate(
             zip(
                 self.lines.tolist(),
                 self.frame.tolist(),
@@ -278,20 +284,23 @@ class PathBatch(msgspec.Struct, frozen=True, eq=False):
                 self.lengths.tolist(),
                 self.travels.tolist(),
                 self.requested.tolist(),
+                self.tolerances.tolist(),
                 strict=True,
             )
         ):
             before, after, columns = points[index], points[index + 1], places[frame]
             start = tuple([before[column] for column in columns])
             end = tuple([after[column] for column in columns])
-            curve: Curve = (
-                ArcCurve(self.frames[frame], start, end, (centre[0], centre[1]), sweep, length)
-                if sweep
-                else LineCurve(self.frames[frame], start, end, length)
-            )
+            curve: Curve
+            if self.tips is not None:
+                curve = self.tips.line(index, self.frames[frame], (start, end), length)
+            elif sweep:
+                curve = ArcCurve(self.frames[frame], start, end, (centre[0], centre[1]), sweep, length)
+            else:
+                curve = LineCurve(self.frames[frame], start, end, length)
             duration = requested if self.speeds is None else None
-            group = FeedGroup((curve,), requested, duration, speeds[index])
-            found.append(MotionLine(line, (group,), self.exact_stop, self.tolerance, travel))
+            group = FeedGroup((curve,), requested, duration, speeds[index], carried=self.carried)
+            found.append(MotionLine(line, (group,), self.exact_stop, tolerance, travel))
         return found
 
     def values(self) -> list[MotionLine | OutputLine]:

@@ -152,7 +152,7 @@ class MotionPlanner:
         if lines is None:
             return False
         from_rest = self._companions.run_begins_at_rest(lines, from_rest=from_rest)
-        if run.tolerance > 0.0:
+        if run.tolerances[0] > 0.0:
             arcs = np.flatnonzero(run.sweeps).tolist()
             self._window.append_lines(SegmentList.of(lines), arcs, from_rest=from_rest, tolerance=tolerance)
         else:

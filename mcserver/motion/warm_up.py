@@ -127,6 +127,7 @@ def _plan_lines(limits: AxisLimits) -> None:
         travels=lengths,
         requested=lengths / 0.1,
         speeds=np.array([0.1, 0.1]),
+        tolerances=np.zeros(2),
     )
     lines = segments_of_batch(run, _SLOTS, np.ones(2, np.bool_), np.zeros(2))
     assert lines is not None

@@ -387,11 +387,11 @@ class LinePlanner:
         loose = not self._energized.issuperset(run.axes) or self._independent.intersection(run.axes)
         if loose or run.exact_stop:
             return False
-        tolerance = min(self._tolerance, run.tolerance)
+        tolerance = min(self._tolerance, float(run.tolerances[0]))
         if not self.motion.append_run(run, from_rest=self._from_rest, tolerance=tolerance):
             return False
         self.reports.append(PlannedLines(run.lines, run.requested, run.travels))
-        self._tolerance = run.tolerance
+        self._tolerance = float(run.tolerances[-1])
         self._from_rest = False
         return True
 

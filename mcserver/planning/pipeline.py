@@ -27,7 +27,7 @@ from mcserver.gcode.semantics.interpreter import Interpreter, without_pause
 from mcserver.gcode.text.parser import ParsedLine
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.bound import PlanningError
-from mcserver.motion.canonical import Canonical, PauseLine
+from mcserver.motion.canonical import Canonical, PathBatch, PauseLine
 from mcserver.motion.pieces import Rows
 from mcserver.planning.clearance_guard import ClearanceGuard
 from mcserver.planning.exchanges import Exchanges, changes_setpoints
@@ -454,8 +454,17 @@ class Pipeline:
         self.lines.drop(found.taken)
         self._plan.last_line = self.lines.consumed
         self._plan.canonical += [*self._exchanged_by(first), *found.values]
+        for each in found.values:
+            if isinstance(each, PathBatch):
+                self._note_solving(each.lines.tolist())
         self._note_frame(self._plan.last_line)
         return True
+
+    def _note_solving(self, lines: Sequence[int]) -> None:
+        """Report the time of inverse kinematics for lines that were solved together."""
+        spent = 0.0 if self._solving is None else self._solving.take() / len(lines)
+        if spent > 0.0:
+            self._plan.reports += [Report(ReportKind.SOLVED, line, planning_s=spent) for line in lines]
 
     def _interpret(self) -> bool:
         """Interpret one line; False where it has to wait for the executor, or is to be sent again."""
@@ -518,9 +527,7 @@ class Pipeline:
         else:
             self._say(parsed, values)
         plan.canonical += [*self._exchanged_by(parsed.number), *values]
-        planning_s = 0.0 if self._solving is None else self._solving.take()
-        if planning_s > 0.0:
-            plan.reports.append(Report(ReportKind.SOLVED, parsed.number, planning_s=planning_s))
+        self._note_solving((parsed.number,))
         self._note_frame(parsed.number)
         if self._interpreter.ended:
             self._end_of_text()

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-from mckinematics.even_path import EvenPath
-from mckinematics.pose import JointPath, Kinematics, Pose, ToolPath
+from mckinematics.even_path import EvenPaths
+from mckinematics.pose import Array, JointPath, Kinematics, Pose, ToolPath
 
 
 class TimedKinematics:
@@ -42,10 +42,12 @@ class TimedKinematics:
         with self._measured():
             return self._kinematics.solve_path(tool, path, joints)
 
-    def solve_even_path(self, tool: int, path: ToolPath, joints: Mapping[int, float]) -> EvenPath | None:
-        """Joints going evenly along a tool's path; raises `ModelError`."""
+    def solve_even_paths(
+        self, tool: int, points: Array, angles: Array | None, joints: Mapping[int, float]
+    ) -> EvenPaths:
+        """Joints going evenly along consecutive lines of a tool."""
         with self._measured():
-            return self._kinematics.solve_even_path(tool, path, joints)
+            return self._kinematics.solve_even_paths(tool, points, angles, joints)
 
     @contextmanager
     def _measured(self) -> Iterator[None]:

@@ -141,7 +141,7 @@ def setpoints(lines: list[MotionLine | PathBatch], machine: Machine) -> None:
         if planner.full:
             list(planner.commit() or ())
         if isinstance(line, PathBatch):
-            assert planner.append_run(line, tolerance=line.tolerance)
+            assert planner.append_run(line, tolerance=float(line.tolerances[0]))
             continue
         group = line.groups[0]
         assert isinstance(group, FeedGroup)

@@ -25,7 +25,7 @@ def run_of(first: int, count: int, active: int = 3, tolerance: float = 0.0) -> S
     lines = np.arange(first, first + count)
     straight = (np.zeros(count, np.intp), np.full((count, 2), np.nan), np.zeros(count))
     timing = (lengths, lengths, lengths / 0.1, np.full(count, 0.1))
-    run = PathBatch(lines, (0, 1), points, ((0, 1),), *straight, *timing, tolerance=tolerance)
+    run = PathBatch(lines, (0, 1), points, ((0, 1),), *straight, *timing, np.full(count, tolerance))
     rows = segments_of_batch(run, {0: 0, 1: 1}, np.ones(2, np.bool_), np.zeros(2), active=active)
     assert rows is not None
     return rows

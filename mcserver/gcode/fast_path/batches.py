@@ -14,6 +14,8 @@ from collections.abc import Sequence
 from mcserver.gcode.fast_path.code_text import CodeText
 from mcserver.gcode.fast_path.interpreted_batch import MIN_LINES, InterpretedBatch
 from mcserver.gcode.fast_path.path_batches import PathBatchInterpreter
+from mcserver.gcode.fast_path.tip_batches import TipBatchInterpreter
+from mcserver.gcode.fast_path.vocabulary import vocabulary_of
 from mcserver.gcode.semantics.block_state import Setup
 from mcserver.gcode.semantics.commanded_state import CommandedState
 from mcserver.gcode.semantics.modal import ModalState
@@ -32,10 +34,12 @@ class BatchInterpreter:
     and programs without batches, cost little.
     """
 
-    __slots__ = ("_backoff", "_paths", "_retry_at", "_window")
+    __slots__ = ("_backoff", "_paths", "_retry_at", "_tips", "_window")
 
     def __init__(self, setup: Setup) -> None:
-        self._paths = PathBatchInterpreter(setup)
+        vocabulary = vocabulary_of(setup.machine)
+        self._paths = PathBatchInterpreter(setup, vocabulary)
+        self._tips = TipBatchInterpreter(setup, vocabulary)
         self._window = _FIRST_WINDOW
         self._backoff = 1
         self._retry_at = 0
@@ -52,9 +56,10 @@ class BatchInterpreter:
         if size < MIN_LINES:
             return None
         found = None
-        plain = modal.tool is None and not (modal.exact_next or modal.absolute_centres)
-        if plain and not commanded.poses:
-            found = self._paths.interpret(CodeText.of(texts[:size]), number, modal, commanded)
+        led = modal.tool is not None or (modal.frame is not None and modal.frame.tip_tool is not None)
+        if not (modal.exact_next or modal.absolute_centres) and (led or not commanded.poses):
+            interpreter = self._tips if led else self._paths
+            found = interpreter.interpret(CodeText.of(texts[:size]), number, modal, commanded)
         if found is None:
             if self._backoff > 1:
                 self._window = _FIRST_WINDOW

@@ -23,7 +23,7 @@ _COMMENT: Final = re.compile(r"\([^()\n]*\)|;[^\n]*")
 _NUMBER: Final = re.compile(rb"(?m)^[ \t]*+N[ \t]*+[0-9]++[ \t]*+(?=[A-Z\x80-\xbf])")
 _INDEX: Final = re.compile(rb"\[[ \t]*[0-9]{1,3}[ \t]*\]")
 # [n] becomes one byte beyond ASCII, which counts as a letter
-_INDEXED: Final = 128
+INDEXED: Final = 128
 # different spellings of [n] in one window; each costs a pass over the text
 _MAX_SPELLINGS: Final = 64
 
@@ -56,7 +56,7 @@ class CodeText(NamedTuple):
                 for index in written:
                     axis = int(index[1:-1])
                     if axis <= MAX_AXIS:
-                        code = code.replace(index, bytes((_INDEXED + axis,)))
+                        code = code.replace(index, bytes((INDEXED + axis,)))
         if b"N" in code:
             code = _NUMBER.sub(b"", code)
         return cls(code, code.translate(None, _NUMERIC))
@@ -73,4 +73,4 @@ class CodeText(NamedTuple):
 
 def axis_of(letter: int, letters: Mapping[str, int]) -> int | None:
     """Return the axis that a letter names, or None."""
-    return letter - _INDEXED if letter >= _INDEXED else letters.get(chr(letter))
+    return letter - INDEXED if letter >= INDEXED else letters.get(chr(letter))

@@ -6,7 +6,6 @@ Bit for bit as the block interpreter does line by line; see `mcserver.gcode.fast
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,59 +13,21 @@ from numpy.typing import NDArray
 from mcserver.gcode.fast_path.arc_columns import ArcColumns, arcs_of, hypot
 from mcserver.gcode.fast_path.axis_rows import arc_frame, axis_rows, inside_travels
 from mcserver.gcode.fast_path.code_text import CodeText
-from mcserver.gcode.fast_path.interpreted_batch import (
-    MIN_LINES,
-    InterpretedBatch,
-    feeds_in_force,
-    last_written,
-    leading,
-    state_after,
-)
-from mcserver.gcode.fast_path.vocabulary import vocabulary_of
+from mcserver.gcode.fast_path.interpreted_batch import MIN_LINES, InterpretedBatch, leading, state_after
+from mcserver.gcode.fast_path.usable_lines import Kind, UsableLines, places, speed_outputs, usable_lines
+from mcserver.gcode.fast_path.vocabulary import Vocabulary
 from mcserver.gcode.fast_path.word_columns import Shape, WordReader, WordTable
 from mcserver.gcode.semantics.arc_geometry import radius_tolerance
 from mcserver.gcode.semantics.block_state import Setup
 from mcserver.gcode.semantics.commanded_state import CommandedState
 from mcserver.gcode.semantics.feed_time import NO_TRAVEL, FeedBasis, feed_basis, feed_class
-from mcserver.gcode.semantics.modal import ModalState, smallest_feed
+from mcserver.gcode.semantics.modal import ModalState
 from mcserver.gcode.semantics.program_units import length_scale, move_duration, turning_speed
 from mcserver.gcode.semantics.rapids import rapid_group
-from mcserver.motion.canonical import MotionLine, OutputLine, PathBatch, SpeedOutputs
+from mcserver.motion.canonical import MotionLine, OutputLine, PathBatch
 from mcserver.motion.geometry.curves import ArcCurve, Array
 
 Mask = NDArray[np.bool_]
-
-
-class _Kind(NamedTuple):
-    """What lines of one shape produce: axes of their curves, an arc's plane first, and what F measures."""
-
-    axes: tuple[int, ...]
-    curved: bool
-    basis: FeedBasis
-
-
-class _Lines(NamedTuple):
-    """Lines whose words can be read in columns.
-
-    Attributes:
-        kinds: by index in the table's shapes. motion: code in force, shape (n,).
-        numbers, speeds: F in force, shape (n,), as written and as a speed along a path.
-    """
-
-    table: WordTable
-    kinds: dict[int, _Kind]
-    motion: NDArray[np.int64]
-    numbers: Array
-    speeds: Array
-
-    def first(self, count: int) -> _Lines:
-        return _Lines(
-            self.table.first(count),
-            self.kinds,
-            self.motion[:count],
-            self.numbers[:count],
-            self.speeds[:count],
-        )
 
 
 class PathBatchInterpreter:
@@ -74,11 +35,11 @@ class PathBatchInterpreter:
 
     __slots__ = ("_profile", "_reader", "_rows", "_setup", "_vocabulary")
 
-    def __init__(self, setup: Setup) -> None:
+    def __init__(self, setup: Setup, vocabulary: Vocabulary) -> None:
         self._setup = setup
         self._rows = axis_rows(setup)
         self._profile = setup.machine.dialect.profile
-        self._vocabulary = vocabulary_of(setup.machine)
+        self._vocabulary = vocabulary
         self._reader = WordReader(self._vocabulary)
 
     def interpret(
@@ -92,7 +53,8 @@ class PathBatchInterpreter:
         table = self._reader.read(text, MIN_LINES)
         if table is None:
             return None
-        lines = self._usable(table, modal, commanded)
+        kinds = [self._kind_of(shape, modal, commanded) for shape in table.shapes]
+        lines = usable_lines(table, kinds, modal, self._setup, self._vocabulary)
         axes = tuple(sorted({axis for kind in lines.kinds.values() for axis in kind.axes}))
         points = self._points(lines.table, axes, modal, commanded)
         count = leading(self._ends_inside(lines, axes, points))
@@ -120,8 +82,8 @@ class PathBatchInterpreter:
             travels[:count],
             move_duration(numbers) if modal.inverse_time else lengths[:count] / speeds,
             None if modal.inverse_time else speeds,
+            np.full(count, self._setup.machine.corner_tolerance(modal.tolerance)),
             modal.exact_stop,
-            self._setup.machine.corner_tolerance(modal.tolerance),
         )
         batch = PathBatch(
             number + table.lines,
@@ -132,27 +94,17 @@ class PathBatchInterpreter:
             centres[:count],
             sweeps[:count],
             *timing,
-            self._outputs(table, modal),
+            speed_outputs(table, modal, self._vocabulary),
         )
         commanded.positions.update(zip(axes, points[count].tolist(), strict=True))
         after = state_after(modal, table.feeds, table.spindle, int(lines.motion[-1]))
         idle = {letter: (number + at, many) for letter, (at, many) in table.without_effect().items()}
         return InterpretedBatch(after, self._values(batch, lines, points, axes, modal), table.taken, idle)
 
-    def _following(self, modal: ModalState) -> tuple[tuple[int, bool], ...]:
-        """Return the outputs that follow S at the spindle's present direction."""
-        return () if modal.frame is None else self._vocabulary.outputs.get(modal.frame.direction, ())
-
-    def _outputs(self, table: WordTable, modal: ModalState) -> SpeedOutputs | None:
-        following = self._following(modal)
-        if table.spindle is None or not following:
-            return None
-        return SpeedOutputs(following, table.spindle)
-
     def _values(
         self,
         batch: PathBatch,
-        lines: _Lines,
+        lines: UsableLines,
         points: Array,
         axes: tuple[int, ...],
         modal: ModalState,
@@ -176,44 +128,20 @@ class PathBatchInterpreter:
                     dict(zip(axes, points[row].tolist(), strict=True)) for row in (index, index + 1)
                 )
                 group = rapid_group(self._setup, modal, start, {axis: end[axis] for axis in kind})
-                tolerance, line = batch.tolerance, int(batch.lines[index])
+                tolerance, line = float(batch.tolerances[index]), int(batch.lines[index])
                 if batch.outputs is not None:
                     settings = batch.outputs.settings(float(batch.outputs.values[index]))
                     found += [OutputLine(line, settings, with_motion=True)] if settings else []
                 found.append(MotionLine(line, (group,), exact_stop=True, tolerance=tolerance))
         return found
 
-    def _usable(self, table: WordTable, modal: ModalState, commanded: CommandedState) -> _Lines:
-        """Return the lines before the first whose words need the block interpreter."""
-        kinds = [self._kind_of(shape, modal, commanded) for shape in table.shapes]
-        curved = np.array([shape.curved for shape in table.shapes])[table.shape]
-        sound = np.array([kind is not None for kind in kinds])[table.shape]
-        codes = np.concatenate(([-1 if modal.motion is None else modal.motion], table.codes))
-        motion = codes[last_written(table.codes >= 0)]
-        sound &= (motion >= 0) & (curved == (motion > 1))
-        numbers, speeds = feeds_in_force(len(table.lines), table.feeds, modal)
-        if table.feeds is not None:
-            sound &= ~(table.feeds < smallest_feed(modal))
-        sound &= (numbers > 0.0) | (motion == 0)
-        if table.spindle is not None:
-            sound &= ~(table.spindle < 0.0)
-            for column, scaled in self._following(modal):
-                output = self._setup.machine.outputs[column]
-                refused = (table.spindle < output.low) | (table.spindle > output.high)
-                # a scaled output follows the speed of axes, not that of a tool: refused (MC159)
-                sound &= ~(refused | (table.spindle > 0.0) & (scaled and bool(self._setup.machine.tools)))
-        count = leading(sound)
-        used = np.flatnonzero(np.bincount(table.shape[:count])).tolist()
-        known = {index: kind for index in used if (kind := kinds[index]) is not None}
-        return _Lines(table, known, motion, numbers, speeds).first(count)
-
-    def _kind_of(self, shape: Shape, modal: ModalState, commanded: CommandedState) -> _Kind | None:
+    def _kind_of(self, shape: Shape, modal: ModalState, commanded: CommandedState) -> Kind | None:
         """Return what lines of a shape produce; None if they need the block interpreter."""
         if shape.curved:
             frame = arc_frame(self._rows, modal.plane, shape.axes, shape.offsets)
             if frame is None or not commanded.synced(frame.axes):
                 return None
-            return _Kind(frame.axes, True, FeedBasis.PATH)
+            return Kind(frame.axes, True, FeedBasis.PATH)
         rows = [row for row in map(self._rows.get, shape.axes) if row is not None]
         linear = sum(row.linear for row in rows)
         basis = feed_basis(linear, len(rows) - linear) if self._vocabulary.feed_of_axes else FeedBasis.PATH
@@ -221,7 +149,7 @@ class PathBatchInterpreter:
             return None
         if basis is FeedBasis.NONE and not modal.inverse_time:
             return None
-        return _Kind(shape.axes, False, basis)
+        return Kind(shape.axes, False, basis)
 
     def _points(
         self, table: WordTable, axes: tuple[int, ...], modal: ModalState, commanded: CommandedState
@@ -229,26 +157,14 @@ class PathBatchInterpreter:
         """Compute the start of the first line and the end of each, shape (n+1, K) [m or rad]."""
         points = np.empty((len(table.lines) + 1, len(axes)))
         for column, axis in enumerate(axes):
-            row, start = self._rows[axis], commanded.positions[axis]
-            if axis not in table.axes:
-                points[:, column] = start
-                continue
-            written = table.values[:, table.axes.index(axis)]
-            incremental = modal.incremental or axis in modal.relative
-            named = ~np.isnan(written)
-            ends = written[named] * (row.inch if modal.inch else row.metric)
-            if modal.flow != 1.0 and axis == self._setup.machine.dialect.extruder:
-                ends *= modal.flow
-            if not incremental and modal.shift is not None:
-                ends += modal.shift.get(axis, 0.0)
-            ends = np.concatenate(([start], ends))
-            if incremental:
-                ends = np.add.accumulate(ends)
-            points[0, column] = start
-            points[1:, column] = ends[np.cumsum(named)]
+            row, extruder = self._rows[axis], axis == self._setup.machine.dialect.extruder
+            scale = row.inch if modal.inch else row.metric
+            points[:, column] = places(
+                table, axis, commanded.positions[axis], scale, modal, flow=modal.flow if extruder else 1.0
+            )
         return points
 
-    def _ends_inside(self, lines: _Lines, axes: tuple[int, ...], points: Array) -> Mask:
+    def _ends_inside(self, lines: UsableLines, axes: tuple[int, ...], points: Array) -> Mask:
         """Return which lines start and end within the travels of their axes."""
         least = np.array([self._rows[axis].least for axis in axes])
         greatest = np.array([self._rows[axis].greatest for axis in axes])
@@ -263,7 +179,12 @@ class PathBatchInterpreter:
         return sound
 
     def _arcs(
-        self, curved: NDArray[np.intp], lines: _Lines, axes: tuple[int, ...], points: Array, modal: ModalState
+        self,
+        curved: NDArray[np.intp],
+        lines: UsableLines,
+        axes: tuple[int, ...],
+        points: Array,
+        modal: ModalState,
     ) -> tuple[ArcColumns, Mask]:
         """Compute the arcs, and whether each is defined and within the travels of its axes."""
         scale = length_scale(modal.inch)
@@ -311,7 +232,9 @@ class PathBatchInterpreter:
             sound[index] = inside_travels(curve, tuple(self._rows[axis] for axis in kind.axes))
         return found, sound
 
-    def _climbs(self, curved: NDArray[np.intp], lines: _Lines, axes: tuple[int, ...], points: Array) -> Array:
+    def _climbs(
+        self, curved: NDArray[np.intp], lines: UsableLines, axes: tuple[int, ...], points: Array
+    ) -> Array:
         """Return the displacements of the third axes of helices, shape (n,) [m]; 0 where none is named."""
         climbs = np.zeros(len(curved))
         shape = lines.table.shape[curved]
@@ -323,7 +246,7 @@ class PathBatchInterpreter:
         return climbs
 
     def _straight(
-        self, lines: _Lines, axes: tuple[int, ...], points: Array, lengths: Array, travels: Array
+        self, lines: UsableLines, axes: tuple[int, ...], points: Array, lengths: Array, travels: Array
     ) -> Array:
         """Set lengths and travels of the straight lines; return the speeds of all lines [m/s or rad/s]."""
         speeds = lines.speeds.copy()
@@ -347,9 +270,9 @@ class PathBatchInterpreter:
 
     def _by_class(
         self,
-        kind: _Kind,
+        kind: Kind,
         rows: NDArray[np.intp],
-        lines: _Lines,
+        lines: UsableLines,
         axes: tuple[int, ...],
         points: Array,
         timing: tuple[Array, Array, Array],

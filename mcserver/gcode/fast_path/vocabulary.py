@@ -14,16 +14,20 @@ class Vocabulary(NamedTuple):
     """The words of a dialect that lines in columns may have.
 
     Attributes:
-        axes: letter → axis. codes: number of a motion code as written → the code that it stands for.
+        axes: letter → axis. indexed: ``[n]`` names one too. codes: number of a motion code as written → the
+            code that it stands for.
         feed_of_axes: F counts the named axes (D-30); otherwise X Y Z first (D-66).
+        tools: T is the number of the tool that moves (D-50).
         idle: letters without effect on motion: S if no output follows it, E without an extruder.
         speed: S is stored in the frame. outputs: by direction of the spindle, the outputs that follow S with
             the motion of its line: column, and whether scaled.
     """
 
     axes: Mapping[str, int]
+    indexed: bool
     codes: Mapping[bytes, int]
     feed_of_axes: bool
+    tools: bool
     idle: str
     speed: bool
     outputs: Mapping[int, tuple[tuple[int, bool], ...]]
@@ -54,8 +58,10 @@ def vocabulary_of(machine: Machine) -> Vocabulary:
     speed = not (dialect.reference or dialect.spindle is not None or at_rest or "S" in axes)
     return Vocabulary(
         axes,
+        True,
         {(b"0" * zeros) + b"%d" % code: meant for code, meant in codes.items() for zeros in range(3)},
         dialect.reference,
+        bool(machine.tools) and dialect.profile in ("reference", "robot"),
         ("S" if speed and not followers else "") + ("E" if printer and "E" not in axes else ""),
         speed,
         outputs,

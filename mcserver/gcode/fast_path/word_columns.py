@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.gcode.fast_path.code_text import CodeText, axis_of
+from mcserver.gcode.fast_path.code_text import INDEXED, CodeText, axis_of
 from mcserver.gcode.fast_path.vocabulary import Vocabulary
 from mcserver.gcode.text.words import LARGEST
 from mcserver.motion.geometry.curves import Array
@@ -41,7 +41,7 @@ class Shape(NamedTuple):
 class Pattern(NamedTuple):
     """Indexes of a line's words among its letters; -1 for a missing one.
 
-    Axis words and I J K in the order of `shape`; ``spindle`` is S. ``idle``: letters without effect.
+    Axis words and I J K in the order of `shape`; ``spindle`` is S, ``tool`` T. ``idle``: without effect.
     """
 
     shape: Shape
@@ -51,6 +51,7 @@ class Pattern(NamedTuple):
     feed: int
     code: int
     spindle: int
+    tool: int
     idle: str
 
 
@@ -64,7 +65,8 @@ class WordTable(msgspec.Struct, frozen=True, eq=False):
         axes: K axis numbers, increasing. values: shape (n, K), NaN where an axis is not named.
         offsets: I J K, shape (n, 3), NaN where not written. radii: R, shape (n,), likewise.
         codes: 0 to 3 where a code is written, else -1, shape (n,).
-        feeds: F, shape (n,), NaN where not written; None if no line has one. spindle: S, likewise.
+        feeds: F, shape (n,), NaN where not written; None if no line has one. spindle: S, and tools: T,
+            likewise.
         idle: by pattern, letters of words without effect. pattern: shape (n,), index of each line's pattern.
     """
 
@@ -79,6 +81,7 @@ class WordTable(msgspec.Struct, frozen=True, eq=False):
     codes: NDArray[np.int64]
     feeds: Array | None
     spindle: Array | None
+    tools: Array | None
     idle: tuple[str, ...]
     pattern: NDArray[np.intp]
 
@@ -98,6 +101,7 @@ class WordTable(msgspec.Struct, frozen=True, eq=False):
             self.codes[:count],
             None if self.feeds is None else self.feeds[:count],
             None if self.spindle is None else self.spindle[:count],
+            None if self.tools is None else self.tools[:count],
             self.idle,
             self.pattern[:count],
         )
@@ -119,10 +123,12 @@ def pattern_of(letters: bytes, vocabulary: Vocabulary) -> Pattern | None:
     axes: dict[int, int] = {}
     offsets: dict[int, int] = {}
     idle = [ord(letter) for letter in vocabulary.idle]
-    others = dict.fromkeys((*b"RFG", *idle, *(b"S" if vocabulary.speed else b"")), -1)
+    others = dict.fromkeys(
+        (*b"RFG", *idle, *(b"S" if vocabulary.speed else b""), *(b"T" if vocabulary.tools else b"")), -1
+    )
     for place, letter in enumerate(letters):
         axis = axis_of(letter, vocabulary.axes)
-        if letter == b"G"[0] and place > 0:
+        if (letter == b"G"[0] and place > 0) or (letter >= INDEXED and not vocabulary.indexed):
             return None
         if axis is not None:
             words, name = axes, axis
@@ -137,12 +143,13 @@ def pattern_of(letters: bytes, vocabulary: Vocabulary) -> Pattern | None:
             return None
         words[name] = place
     radius, feed, code = (others[letter] for letter in b"RFG")
-    spindle = others[ord("S")] if vocabulary.speed else -1
+    spindle, tool = others.get(ord("S"), -1), others.get(ord("T"), -1)
     unused = "".join(chr(letter) for letter in idle if others[letter] >= 0)
     shape = Shape(tuple(axes), tuple(offsets), radius >= 0)
     if not (axes or (code >= 0 and offsets)) or (radius >= 0 and offsets):
         return None
-    return Pattern(shape, tuple(axes.values()), tuple(offsets.values()), radius, feed, code, spindle, unused)
+    places = tuple(axes.values()), tuple(offsets.values())
+    return Pattern(shape, *places, radius, feed, code, spindle, tool, unused)
 
 
 class WordReader:
@@ -255,8 +262,8 @@ def _table(
     codes = np.full(count, -1.0)
     columns, offsets = np.full((count, len(axes)), np.nan), np.full((count, 3), np.nan)
     radii, feeds = np.full(count, np.nan), np.full(count, np.nan)
-    spindle = np.full(count, np.nan)
-    fed = spun = False
+    spindle, tools = np.full(count, np.nan), np.full(count, np.nan)
+    fed = spun = chosen = False
     for index, pattern in enumerate(patterns.values()):
         rows = np.flatnonzero(which == index)
         at = first[rows]
@@ -269,6 +276,7 @@ def _table(
             (radii, pattern.radius),
             (feeds, pattern.feed),
             (spindle, pattern.spindle),
+            (tools, pattern.tool),
         ):
             if word >= 0:
                 column[rows] = values[at + word]
@@ -276,6 +284,7 @@ def _table(
             codes[rows] = np.maximum(values[at + pattern.code], least)
         fed = fed or pattern.feed >= 0
         spun = spun or pattern.spindle >= 0
+        chosen = chosen or pattern.tool >= 0
     return WordTable(
         taken=len(letters),
         lines=lines,
@@ -288,6 +297,7 @@ def _table(
         codes=codes.astype(np.int64),
         feeds=feeds if fed else None,
         spindle=spindle if spun else None,
+        tools=tools if chosen else None,
         idle=tuple(pattern.idle for pattern in patterns.values()),
         pattern=which,
     )

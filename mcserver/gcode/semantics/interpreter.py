@@ -140,11 +140,11 @@ class Interpreter:
         """Whether lines cannot be read in columns."""
         modal = self._modal
         frame = modal.frame
-        by_tip = frame is not None and (frame.tip_tool is not None or frame.surface is not None)
+        by_surface = frame is not None and frame.surface is not None
         beside = self._compensation is not None or modal.transformation is not None
         beside = beside or modal.control_points is not None or modal.per_turn or bool(modal.coupled)
         beside = beside or modal.diameter or modal.pace != 1.0
-        return self._ended or self._setup.dynamics is not None or by_tip or beside
+        return self._ended or self._setup.dynamics is not None or by_surface or beside
 
     @property
     def coordinates(self) -> Mapping[int, float]:
@@ -275,9 +275,10 @@ class Interpreter:
     ) -> InterpretedBatch | None:
         """Parse and interpret the longest batch at the beginning of ``texts``.
 
-        Values and state are bit for bit those of `interpret_text` line by line. What ends a batch is left to
-        `interpret_text`: other codes, a fault, a tool in force, an axis whose start has to be read from the
-        encoder. A failed attempt costs a few microseconds and suppresses further ones for some lines.
+        Values and state are bit for bit those of `interpret_text` line by line, but for the last bits of a
+        tool's joints. What ends a batch is left to `interpret_text`: other codes, a fault, a line on which a
+        tool's joints may not go evenly, an axis whose start has to be read from the encoder. A failed attempt
+        costs a few microseconds and suppresses further ones for some lines.
 
         Args:
             texts: consecutive lines without line ends.

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 
 import numpy as np
-from mckinematics.even_path import EvenPath
-from mckinematics.pose import Array
+from mckinematics.even_path import EvenPaths
 
 from mcserver.gcode.semantics.block_state import BlockState
-from mcserver.motion.geometry.curves import TipLine, ToolRates
+from mcserver.machine.axis import Axis
+from mcserver.motion.geometry.curves import TipColumns, TipLine, ToolRates
 from mcserver.units import DEGREE, MM
 
 # Share of the tool's own tolerance by which it may be off its path while all joints move evenly.
@@ -22,35 +22,60 @@ LEVER_CHANGE = 1.02
 FASTER_BETWEEN = 1.0005
 
 
+def tip_columns(
+    axes: Sequence[Axis],
+    found: EvenPaths,
+    own: tuple[float, float],
+    tolerance: float,
+    rates: ToolRates,
+    *,
+    exact_stop: bool,
+) -> TipColumns:
+    """Return lines of joints ``axes`` for the planner, up to the first that would bow too far.
+
+    Args:
+        own: tolerances of the tool [m, rad]. tolerance: of corners, which get what a line leaves of it [m].
+        rates: of the tip by those of the joints. exact_stop: behind each of them.
+    """
+    # of an orientation a degree counts as a millimetre
+    turn = MM / DEGREE
+    bows = np.hypot(
+        np.maximum(0.0, found.off - OWN_SHARE * own[0]),
+        turn * np.maximum(0.0, found.off_angle - OWN_SHARE * own[1]),
+    )
+    fitting = bows <= (0.0 if exact_stop else BEND_SHARE * tolerance)
+    count = len(fitting) if fitting.all() else int(fitting.argmin())
+    levers = found.rates[:count] / np.array([MM / axis.type.si_per_unit for axis in axes])
+    levers[:, :, 3:] *= turn
+    greatest = np.linalg.svd(levers, compute_uv=False).max(axis=(1, 2), initial=0.0)
+    return TipColumns(
+        rates,
+        FASTER_BETWEEN * found.fastest[:count],
+        np.maximum(1.0, LEVER_CHANGE * greatest),
+        tolerance - bows[:count],
+    )
+
+
 def tip_line(
     block: BlockState,
     axes: tuple[int, ...],
-    start: Array,
-    found: EvenPath,
+    found: EvenPaths,
     own: tuple[float, float],
     travel: float,
     rates: ToolRates,
 ) -> TipLine | None:
-    """Return a line of joints ``axes``, whose corners get what it leaves of the path tolerance.
+    """Return the line of joints ``axes`` that was found, whose corners get what it leaves of the tolerance.
 
     Args:
-        start: joints at its start, shape (K,). own: tolerances of the tool [m, rad]. travel: of the tip [m].
-        rates: of the tip by those of the joints.
+        own, rates: as of `tip_columns`. travel: of the tip [m].
 
     Returns:
-        None where it would bow too far.
+        None where none was found, or it would bow too far.
     """
-    # of an orientation a degree counts as a millimetre
-    turn = MM / DEGREE
-    bow = math.hypot(
-        max(0.0, found.off - OWN_SHARE * own[0]), turn * max(0.0, found.off_angle - OWN_SHARE * own[1])
-    )
-    if bow > (0.0 if block.exact_stop else BEND_SHARE * block.path_tolerance):
+    named = [block.setup.axes[axis] for axis in axes]
+    columns = tip_columns(named, found, own, block.path_tolerance, rates, exact_stop=block.exact_stop)
+    if not len(columns):
         return None
-    units = np.array([MM / block.setup.axes[axis].type.si_per_unit for axis in axes])
-    levers = found.rates / units
-    levers[:, 3:] *= turn
-    lever = max(1.0, LEVER_CHANGE * float(np.linalg.svd(levers, compute_uv=False).max()))
-    block.tolerance = min(block.tolerance, block.path_tolerance - bow)
-    first, last = (tuple(each.tolist()) for each in (start, found.end))
-    return TipLine(axes, first, last, travel, rates, FASTER_BETWEEN * found.fastest, lever)
+    block.tolerance = min(block.tolerance, float(columns.tolerances[0]))
+    start, end = (tuple(each) for each in found.joints.tolist())
+    return columns.line(0, axes, (start, end), travel)

@@ -39,6 +39,7 @@ from mcserver.units import AxisType
 NO_DIRECTION = 1e-9
 # axes X, Y and Z
 _COORDINATES = (0, 1, 2)
+_ENDS = np.array([0.0, 1.0])
 # codes that read or set positions of axes, not of the tip
 _REFUSED = TAKES_AXES | COMPENSATING.keys() | {"M6", "G16", "G92.1", "G92.2", "G92.3"}
 
@@ -285,19 +286,13 @@ def _curve(way: _Way) -> SampledCurve:
 
 
 def _line(block: BlockState, way: _Way) -> TipLine | None:
-    """Return a straight line of the joints that keeps the tip within tolerance; None if there is none.
-
-    Raises:
-        JointLimit: a joint would pass its limit.
-    """
-    control, start = way.control, way.lead.start
-    found = control.even_path(way.lead)
+    """Return a straight line of the joints that keeps the tip within tolerance; None if there is none."""
+    control, lead = way.control, way.lead
     tool = control.tool
+    turns = np.array((lead.start[control.turning], lead.turns))
+    found = control.even_paths(lead.position(_ENDS), turns, lead.start)
     own = tool.tolerance, tool.tolerance_angle
-    line = tip_line(block, tool.chain.axes, start, found, own, way.travel, control.rates)
-    if line is not None:
-        control.refuse_beyond(found.end, way.lead.position(np.ones(1))[0], 1.0)
-    return line
+    return tip_line(block, tool.chain.axes, found, own, way.travel, control.rates)
 
 
 def _arrive(block: BlockState, axes: tuple[int, ...], joints: Array) -> tuple[float, ...]:

@@ -70,9 +70,7 @@ def tool_feed_move(block: BlockState, command: Command, words: Words, number: in
         tool_path = ToolPath(position, derivative, *angles)
         length = turn if measure is FeedBasis.TURN else travel
         rounded = block.path_tolerance > 0.0
-        line = (
-            _line(block, tool, tool_path, travel) if rounded and number == 1 and travel > NO_TRAVEL else None
-        )
+        line = _line(block, tool, start, end, travel) if rounded and number == 1 else None
         curve = line or _curve(block, tool, tool_path, length)
     except KinematicsError as error:
         report_unsolved(block, command, tool, error)
@@ -83,22 +81,17 @@ def tool_feed_move(block: BlockState, command: Command, words: Words, number: in
     return FeedMove(command, curve, measure, block.modal.inverse_time, block.modal.feed)
 
 
-def _line(block: BlockState, tool: int, path: ToolPath, travel: float) -> TipLine | None:
-    """Return a straight line of the joints that keeps the tool within tolerance; None if there is none.
-
-    Raises:
-        ModelError: the joints are not at the path's start.
-    """
+def _line(block: BlockState, tool: int, start: Pose, end: Pose, travel: float) -> TipLine | None:
+    """Return a straight line of the joints that keeps the tool within tolerance; None if there is none."""
     kinematics = block.setup.kinematics
     assert kinematics is not None
-    starts = block.commanded.path_starts()
-    found = kinematics.solve_even_path(tool, path, starts)
-    if found is None:
+    if travel <= NO_TRAVEL:
         return None
-    axes = tuple(kinematics.axes(tool))
-    start = np.array([starts[axis] for axis in axes])
+    angles = np.array((start.angles, end.angles)) if kinematics.has_orientation(tool) else None
+    points = np.array((start.position, end.position))
+    found = kinematics.solve_even_paths(tool, points, angles, block.commanded.path_starts())
     rates = partial(kinematics.jacobians, tool)
-    return tip_line(block, axes, start, found, kinematics.tolerances(tool), travel, rates)
+    return tip_line(block, kinematics.axes(tool), found, kinematics.tolerances(tool), travel, rates)
 
 
 def _curve(block: BlockState, tool: int, path: ToolPath, length: float) -> SampledCurve:

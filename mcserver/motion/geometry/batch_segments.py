@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.canonical import PathBatch
-from mcserver.motion.geometry.curves import ArcCurve, Array, max_path_rates, samples_of_arcs
+from mcserver.motion.geometry.curves import ArcCurve, Array, Curve, max_path_rates, samples_of_arcs
 from mcserver.motion.geometry.path_columns import ARC_KIND, STRAIGHT, PathColumns, bits_of
 from mcserver.motion.geometry.segment import NO_TRAVEL
 from mcserver.motion.geometry.segment_rows import SegmentRows
@@ -50,17 +50,24 @@ def segments_of_batch(
         return None
     lengths = run.lengths.copy()
     lengths[curved] = max_path_rates(lengths[curved], *arcs[curved, 5:8].T)
+    tips = run.tips
+    if tips is not None:
+        lengths = tips.fastest
     requested = run.requested / feed_scale
     masks = np.array([bits_of(each) for each in columns], np.uint64)[run.frame]
     counted = [bits_of(each[linear[each]] if linear[each].any() else each) for each in columns]
     whole = np.ones(count, np.bool_)
 
-    def curve(index: int) -> tuple[ArcCurve, NDArray[np.intp]]:
-        frame = int(run.frame[index])
-        start, end = points[index : index + 2, columns[frame]].tolist()
+    def curve(index: int) -> tuple[Curve, NDArray[np.intp]] | None:
+        frame, sweep, length = int(run.frame[index]), float(run.sweeps[index]), float(run.lengths[index])
+        if tips is None and sweep == 0.0:
+            return None
+        axes, of_curve = run.frames[frame], columns[frame]
+        start, end = (tuple(each) for each in points[index : index + 2, of_curve].tolist())
+        if tips is not None:
+            return tips.line(index, axes, (start, end), length), of_curve
         centre = (float(run.centres[index, 0]), float(run.centres[index, 1]))
-        sweep, length = float(run.sweeps[index]), float(run.lengths[index])
-        return ArcCurve(run.frames[frame], tuple(start), tuple(end), centre, sweep, length), columns[frame]
+        return ArcCurve(axes, start, end, centre, sweep, length), of_curve
 
     path = PathColumns(
         line=run.lines,
@@ -78,9 +85,11 @@ def segments_of_batch(
         duration=requested if run.speeds is None else np.full(count, math.nan),
         feed=_feeds(run, lengths) * feed_scale,
         requested=requested,
-        feed_speed=np.full(count, math.inf) if run.speeds is None else run.speeds * feed_scale,
-        lever=np.ones(count),
-        tolerance=np.full(count, run.tolerance),
+        feed_speed=(
+            np.full(count, math.inf) if run.speeds is None or tips is not None else run.speeds * feed_scale
+        ),
+        lever=np.ones(count) if tips is None else tips.levers,
+        tolerance=np.minimum(run.tolerances, np.concatenate((run.tolerances[:1], run.tolerances[:-1]))),
         arcs=arcs,
     )
     return SegmentRows(path, ends, curve)

@@ -7,7 +7,7 @@ any s. Curves are never approximated by chords, only sampled at the cycle. All q
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import ClassVar
 
 import msgspec
@@ -143,6 +143,47 @@ class TipLine(LineCurve, frozen=True):
     tool_rates: ToolRates | None = None
     max_path_rate: float = 0.0
     lever: float = 1.0
+
+
+class TipColumns(msgspec.Struct, frozen=True, eq=False):
+    """What n consecutive lines have as `TipLine` besides.
+
+    Attributes:
+        tool_rates: of all of them. fastest: `max_path_rate`, shape (n,) [m]. levers: shape (n,).
+        tolerances: of the corners at their ends, `MotionLine.tolerance`, shape (n,) [m].
+    """
+
+    tool_rates: ToolRates
+    fastest: Array
+    levers: Array
+    tolerances: Array
+
+    def __len__(self) -> int:
+        return len(self.fastest)
+
+    @classmethod
+    def joined(cls, tool_rates: ToolRates, parts: Sequence[TipColumns]) -> TipColumns:
+        """Return consecutive parts as one."""
+        columns = (
+            np.concatenate([np.empty(0), *(getattr(part, name) for part in parts)])
+            for name in ("fastest", "levers", "tolerances")
+        )
+        return cls(tool_rates, *columns)
+
+    def part(self, at: slice) -> TipColumns:
+        """Return some of the lines."""
+        return TipColumns(self.tool_rates, self.fastest[at], self.levers[at], self.tolerances[at])
+
+    def line(
+        self,
+        index: int,
+        axes: tuple[int, ...],
+        ends: tuple[tuple[float, ...], tuple[float, ...]],
+        length: float,
+    ) -> TipLine:
+        """Return one of the lines, of joints ``axes`` between its ends."""
+        fastest, lever = float(self.fastest[index]), float(self.levers[index])
+        return TipLine(axes, *ends, length, self.tool_rates, fastest, lever)
 
 
 class ArcCurve(Curve, frozen=True):

@@ -21,12 +21,12 @@ class SegmentRows:
     Attributes:
         path: the columns that are used in bulk. ends: dp/ds at start and end, then d²p/ds² there, of each
             segment, shape (n, 4, K).
-        curve: returns curve and columns of a segment that is not straight, by its index.
+        curve: returns curve and columns of a segment by its index; None where it needs no curve.
     """
 
     path: PathColumns
     ends: Array
-    curve: Callable[[int], tuple[Curve, NDArray[np.intp]]]
+    curve: Callable[[int], tuple[Curve, NDArray[np.intp]] | None]
     # callers may change a segment that they were given, so it is kept
     _made: dict[int, Segment] = field(default_factory=dict)
 
@@ -49,9 +49,9 @@ class SegmentRows:
         path, kind = self.path, int(self.path.kind[index])
         curves: tuple[Curve, ...] = ()
         columns: tuple[NDArray[np.intp], ...] = ()
-        if kind != STRAIGHT:
-            curve, of_curve = self.curve(index)
-            curves, columns = (curve,), (of_curve,)
+        found = self.curve(index)
+        if found is not None:
+            curves, columns = (found[0],), (found[1],)
         first, last, d2q_start, d2q_end = self.ends[index]
         duration = float(path.duration[index])
         return Segment(
