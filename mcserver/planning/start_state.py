@@ -47,6 +47,7 @@ class StartState(msgspec.Struct, frozen=True):
         energy.
         energized: axes that hold their position. unsettled: axes that turn, push or still move by
             themselves; one at a speed of 0 does not.
+        speeds, torques: of axes in these modes, by number [rad/s or m/s; N·m].
         homed: axes that know where they are.
         frame: work offsets; None: none were ever set.
         modal: state behind the lines before its first; None: a program's own beginning.
@@ -62,6 +63,8 @@ class StartState(msgspec.Struct, frozen=True):
     positions: Mapping[int, float]
     energized: frozenset[int] = frozenset()
     unsettled: frozenset[int] = frozenset()
+    speeds: Mapping[int, float] = {}
+    torques: Mapping[int, float] = {}
     homed: frozenset[int] = frozenset()
     frame: Frame | None = None
     modal: ModalState | None = None

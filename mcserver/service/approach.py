@@ -258,12 +258,13 @@ def _switched(
             codes.append(f"M68 E{output.number} Q{there:.9f}")
     for index, speed in sorted(state.speeds.items()):
         if index in leased and speed:
-            rpm = motor_rpm(speed, _axis(machine, index).travel_per_motor_turn)
-            found.append(Switched(f"axis {index}", rpm, 0.0, "RPM"))
+            turn = _axis(machine, index).travel_per_motor_turn
+            rpm, at = (motor_rpm(each, turn) for each in (speed, now.speeds.get(index, 0.0)))
+            found.append(Switched(f"axis {index}", rpm, at, "RPM"))
             codes.append(f"G1030 [{index}]{rpm:.9f}")
     for index, torque in sorted(state.torques.items()):
         if index in leased and torque:
-            found.append(Switched(f"axis {index}", torque, 0.0, "N·m"))
+            found.append(Switched(f"axis {index}", torque, now.torques.get(index, 0.0), "N·m"))
             codes.append(f"G1040 [{index}]{torque:.9f}")
     return found, codes
 

@@ -7,6 +7,7 @@ import math
 from collections.abc import AsyncIterator, Sequence
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from mcserver.errors import Refused, ServiceError
@@ -470,6 +471,15 @@ def test_an_oriented_spindle_takes_the_shorter_way_to_its_angle() -> None:
     now = StartState.of(mill).at({3: math.radians(10 * 360.0 + 80.0), 0: 0.01})
     (step,) = plan_approach(mill, before, now, [0, 1, 2, 3]).way[1:2]
     assert step.targets["3"] == pytest.approx(10 * 360.0 + 90.0)
+
+
+def test_a_spindle_that_turns_at_another_speed_is_shown_with_it() -> None:
+    mill = machine(SPINDLE + CNC + RECOVERY)
+    start = StartState.of(mill)
+    before = state_before(["G0 Z10", "M3 S600", "G1 X50 F6000"], 4, mill, start)
+    now = msgspec.structs.replace(start, speeds={3: 5.0 * math.tau})
+    (spindle,) = plan_approach(mill, before, now, [0, 1, 2, 3]).switched
+    assert (spindle.there, spindle.now, spindle.unit) == (pytest.approx(600.0), pytest.approx(300.0), "RPM")
 
 
 async def test_axes_without_their_reference_are_refused_with_the_remedy(rig: Rig) -> None:
