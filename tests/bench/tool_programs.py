@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 
+from mcserver.gcode.program_check import check_program
 from mcserver.machine.machine_file import Machine, load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.geometry.curves import Array
@@ -143,6 +144,11 @@ def broken_laws_of_tools(seed: int, *, orders: bool) -> tuple[list[str], int, in
     """
     machine, program, tolerance = tool_program_of(seed)
     kinematics = build_kinematics(machine)
+    text = "\n".join(["G1010", *program.lines])
+    refused = [each.code for each in check_program(text, machine, kinematics=kinematics)]
+    if OUT_OF_REACH in refused:
+        # a point that the arm does not come to
+        return [], 0, 0
     if orders:
         given, every = orders_of(seed)
         run = play(machine, program.lines, given, every=every, kinematics=kinematics)
@@ -150,12 +156,7 @@ def broken_laws_of_tools(seed: int, *, orders: bool) -> tuple[list[str], int, in
         if run.faults:
             broken.append(f"{run.faults} faults")
         return broken, len(program.lines), len(run.setpoint)
-    text = "\n".join(["G1010", *program.lines])
     found = simulate(text, machine, kinematics=kinematics, record=True)
-    refused = [each["code"] for each in found.report["diagnostics"] if each["severity"] == "error"]
-    if OUT_OF_REACH in refused:
-        # a point that the arm does not come to
-        return [], 0, 0
     if found.exit_code or found.recording is None:
         return [f"refused: {found.report['diagnostics'][:1]}"], 0, 0
     joints = np.radians(found.recording.setpoint)
