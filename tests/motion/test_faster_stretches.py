@@ -16,7 +16,7 @@ from mcserver.motion.kernels.node_phases import exceed_limits, to_phases
 from mcserver.motion.kernels.path_speed import quicker_phases
 from mcserver.motion.kernels.phases import PHASE
 from mcserver.motion.kernels.sample_limits import run_of
-from mcserver.motion.profile.faster_stretches import KnotProfile
+from mcserver.motion.profile.faster_stretches import KnotProfile, _Known
 from mcserver.motion.profile.velocity_profile import join_phases
 from mcserver.simulation.simulation import simulate
 from tests.bench.analytic import least_time
@@ -29,7 +29,19 @@ from tests.motion.measure import (
     acceleration_ratio,
     jerk_ratio,
 )
-from tests.motion.support import Commit, Motion, Move, alike, at_speed, in_time, line_curve, plan, polyline
+from tests.motion.support import (
+    AxisSpec,
+    Commit,
+    Motion,
+    Move,
+    alike,
+    at_speed,
+    in_time,
+    line_curve,
+    machine_of,
+    plan,
+    polyline,
+)
 
 JERK, TOLERANCE = 50_000.0, 2e-5
 
@@ -100,6 +112,30 @@ def test_changing_curvature_is_driven_quicker_than_by_knots_within_every_limit(
     assert_kept(quick, speed)
     monkeypatch.setattr("mcserver.motion.lookahead.lookahead.quicker_stretches", only_knots)
     assert quick.duration <= share * driven(points, speed).duration
+
+
+def test_an_axis_without_a_jerk_limit_that_rests_costs_no_time() -> None:
+    # as a spindle, or a turntable
+    points = chords_of(lissajous(1.0, 2.0, 0.7), 5e-4)
+    with_another = machine_of([AxisSpec(500.0, 1000.0, JERK)] * 2 + [AxisSpec(500.0, 1000.0, None)])
+    moves = [Move(group, tolerance=TOLERANCE) for group in polyline(with_another, points.tolist(), 0.2)]
+    motion = plan(with_another, moves, start=np.append(points[0], 0.0))
+    assert motion.duration == pytest.approx(driven(points, 0.2).duration, rel=1e-3)
+
+
+def test_a_short_ramp_from_rest_keeps_only_itself_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    # a corner of 1 rad behind a quarter of a circle, whose curve begins at rest with a low peak
+    quarter = np.linspace(0.0, math.pi / 2.0, 41)
+    arc = 0.01 * np.stack([np.cos(quarter), np.sin(quarter)], axis=1)
+    turn = math.pi + 1.0
+    line = arc[-1] + 0.02 * np.array([math.cos(turn), math.sin(turn)])
+    points = np.concatenate(([[0.0, 0.0]], arc, [line]))
+    machine = alike(2, velocity=1000.0, acceleration=10_000.0, jerk=200_000.0)
+    moves = [Move(group, tolerance=1e-4) for group in polyline(machine, points.tolist(), 0.1)]
+    quick = plan(machine, moves)
+    assert_kept(quick, 0.1)
+    monkeypatch.setattr(_Known, "_abrupt", lambda *_: False)
+    assert quick.duration < 0.97 * plan(machine, moves).duration
 
 
 def ellipse(long: float, short: float) -> Array:

@@ -50,9 +50,9 @@ class KnotProfile:
     uncut: NDArray[np.bool_] | None = None
 
 
-def node_spacing(limits: AxisLimits) -> float:
-    """Return the time between nodes [s]."""
-    rise = float((limits.acceleration / limits.jerk).min())
+def node_spacing(acceleration: Array, jerk: Array) -> float:
+    """Return the time between nodes for these limits of the axes that move [s]."""
+    rise = float((acceleration / jerk).min())
     return min(max(NODE_SHARE * rise, NODES_APART[0]), NODES_APART[1])
 
 
@@ -75,7 +75,8 @@ def quicker_stretches(
             their T, which stay as they are, shape (n,). stops: the stop at the end is final, so it may be
             solved again too.
     """
-    if not np.isfinite(limits.jerk).all():
+    moved = run.rows[:, : len(limits.jerk)].any(axis=0)
+    if not np.isfinite(limits.jerk[moved]).all():
         return given
     phases, knots, first = given.phases, given.knots, given.first
     profile = join_phases(phases, float(groups.edges[-1]))
@@ -89,7 +90,7 @@ def quicker_stretches(
         given,
         np.append(profile.start, profile.duration)[first],
         np.append(phases[:, 2], 0.0)[first],
-        node_spacing(limits),
+        node_spacing(limits.acceleration[moved], limits.jerk[moved]),
         np.logical_or.reduceat(in_time, knots[:-1]),
         stops,
     )
@@ -230,9 +231,11 @@ class _Known:
         ``longest`` [s]. Else the slowest bottleneck after the first part of that time: speed is least there
         in any profile, so an end without acceleration costs nothing. Else the slowest knot of the second
         half. As long as lines come, the ramp to the stop at the very end stays: a plan is cut before it.
+        Ramps from and to other rests stay where their phases are too short for the spacing of nodes.
         """
         last, final = index + 1, len(self.speeds) - 1
-        if self.kept[index]:
+        first = self.given.first
+        if self.kept[index] or self._abrupt(index, first[index]):
             return last
         while last < final and self.speeds[last] > 0.0 and not self.kept[last]:
             if last + 1 == final and self.speeds[final] <= 0.0 and not self.stops:
@@ -240,7 +243,11 @@ class _Known:
             if self.moments[last + 1] - self.moments[index] > longest:
                 return self._slowest_bottleneck(index, last, longest)
             last += 1
-        return last
+        return last - 1 if last > index + 1 and self._abrupt(last, first[last] - 1) else last
+
+    def _abrupt(self, knot: int, phase: int) -> bool:
+        """Return whether the motion rests at a knot, and the phase beside it is too short to stay."""
+        return bool(self.speeds[knot] <= 0.0 and self.given.phases[phase, 0] < REST_NODES * self.apart)
 
     def _slowest_bottleneck(self, index: int, last: int, longest: float) -> int:
         speeds, taken = self.speeds, self.moments - self.moments[index]
