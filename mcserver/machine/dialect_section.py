@@ -76,6 +76,7 @@ class Dialect(msgspec.Struct, frozen=True):
         straight_rapids: G00 is a straight line, as fast as its slowest axis; else each axis is independent.
         subroutines: texts of subprograms in the machine's folder, by name or number.
         macros: the language of programs that compute, if allowed (D-80, D-91).
+        persistent: first and last of parameters that keep their values from program to program (D-81).
         probes: the machine has a probe, and G38.2 … G38.5 act.
         cutters: tool table of the machine file, for G43.
         retraction: of G10 and G11 until M207 and M208; None: unknown.
@@ -96,6 +97,7 @@ class Dialect(msgspec.Struct, frozen=True):
     straight_rapids: bool = False
     macros: Literal["linuxcnc", "fanuc"] = "linuxcnc"
     subroutines: Mapping[str, str] = {}
+    persistent: tuple[tuple[int, int], ...] = ()
     probes: bool = False
     outputs: Mapping[str, tuple[CodeOutput, ...]] = {}
     waits: Mapping[str, CodeWait] = {}
@@ -194,7 +196,11 @@ def read_dialect(
             "the reference's G00 moves every axis by itself (D-20)",
             'straight rapids are for the profiles: profile = "cnc"',
         )
-    for key, given in (("macros", section.macros == "fanuc"), ("subroutines", section.subroutines)):
+    for key, given in (
+        ("macros", section.macros == "fanuc"),
+        ("subroutines", section.subroutines),
+        ("persistent", section.persistent),
+    ):
         if given and section.profile != "cnc":
             mistakes.add(("dialect", key), "only the profile cnc computes", 'add profile = "cnc"')
     capture = section.capture or ("program" if section.profile == "reference" else "auto")
@@ -212,11 +218,27 @@ def read_dialect(
         straight_rapids=section.rapids == "straight",
         macros=section.macros,
         subroutines=read_subroutines(section.subroutines, folder, mistakes),
+        persistent=_read_persistent(section, mistakes),
         outputs=_read_code_outputs(section, outputs, mistakes),
         waits=_read_code_waits(section, inputs, mistakes),
         channels=bool(inputs or outputs),
         retraction=_read_retraction(section, mistakes),
     )
+
+
+def _read_persistent(section: DialectSection, mistakes: Mistakes) -> tuple[tuple[int, int], ...]:
+    """Return ``persistent``, and #500 to #999 of macro B, which controllers keep."""
+    fanuc = section.macros == "fanuc"
+    low, high = (100, 199) if fanuc else (31, 5000)
+    for position, (first, last) in enumerate(section.persistent):
+        if not low <= first <= last <= high:
+            mistakes.add(
+                ("dialect", "persistent", position),
+                f"#{first} to #{last} are no parameters that can stay",
+                f"give the first and the last of some from #{low} to #{high}, such as [{low}, {low + 9}]"
+                + ("; #500 to #999 stay in any case" if fanuc else ""),
+            )
+    return (*section.persistent, *([(500, 999)] if fanuc else []))
 
 
 def _read_retraction(section: DialectSection, mistakes: Mistakes) -> Retraction | None:

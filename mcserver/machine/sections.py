@@ -204,6 +204,7 @@ class DialectSection(msgspec.Struct, frozen=True):
     rapids: Literal["independent", "straight"] = "independent"
     macros: Literal["linuxcnc", "fanuc"] = "linuxcnc"
     subroutines: str = ""
+    persistent: list[tuple[int, int]] = []
     outputs: dict[str, dict[str, bool | float | Literal["S"]]] = {}
     waits: dict[str, CodeWaitSection] = {}
     retraction: RetractionSection | None = None

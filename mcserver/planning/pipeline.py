@@ -12,6 +12,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 
+import msgspec
 from mckinematics.pose import Kinematics
 
 from mcserver.clearance.mounted import Exchange
@@ -23,6 +24,7 @@ from mcserver.executor.stopping import stopping_rows
 from mcserver.gcode.computing.machine_values import Unsettled
 from mcserver.gcode.computing.macro_expansion import expansion_of
 from mcserver.gcode.notices import notice_of
+from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.interpreter import Interpreter, without_pause
 from mcserver.gcode.text.parser import ParsedLine
 from mcserver.machine.machine_file import Machine
@@ -123,6 +125,7 @@ class Pipeline:
             switches=start.switches,
         )
         self._expansion = expansion_of(self._interpreter)
+        self._lasting = self._expansion.lasting
         # a jog leaves the pressure advance K to the print that it runs beside, or in a pause of
         leads = not machine_coordinates and (lease is None or machine.dialect.extruder in lease)
         judged = machine.clearance is not None or changes_setpoints(machine)
@@ -495,6 +498,7 @@ class Pipeline:
         if self._held is None:
             expanded = self._expand()
             if not isinstance(expanded, ParsedLine):
+                self._note_frame(plan.last_line)
                 return expanded
             self._held = expanded
         parsed = self._held
@@ -575,11 +579,12 @@ class Pipeline:
         return False
 
     def _note_frame(self, line: int) -> None:
-        """Report the work offsets where they have changed."""
-        frame = self._interpreter.frame
-        if frame is not self._frame:
-            self._frame = frame
-            if frame is not None:
+        """Report the work offsets, and parameters that stay, where they have changed."""
+        frame, lasting = self._interpreter.frame, self._expansion.lasting
+        if frame is not self._frame or lasting is not self._lasting:
+            self._frame, self._lasting = frame, lasting
+            if frame is not None or lasting:
+                frame = msgspec.structs.replace(frame or Frame(), parameters=lasting)
                 self._plan.reports.append(Report(ReportKind.FRAME, line, frame=frame))
 
     def _end_of_text(self) -> None:

@@ -1,6 +1,6 @@
-"""Work coordinate systems, the tool table and the fitted tool, stored across programs and restarts.
+"""Work coordinate systems, the tool table, the fitted tool and parameters, kept across programs and restarts.
 
-See D-62 and D-65.
+See D-62, D-65 and D-81.
 """
 
 from __future__ import annotations
@@ -84,6 +84,7 @@ class _Tables(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     changes: list[TableChange] = []
     notes: dict[str, RowNote] = {}
     tool: int = 0
+    parameters: dict[int, float] = {}
 
 
 def offsets_file(journal: Path) -> Path:
@@ -103,7 +104,7 @@ class WorkOffsets:
 
     Attributes:
         systems: origins by number of the system, 1 for G54.
-        notes: by row, of rows that have any.
+        notes: by row, of rows that have any. parameters: that stay, by number.
         tool: in the spindle of a machine with shapers by tool; 0: none, or unknown.
         changes: the newest `CHANGES_KEPT`, oldest first.
 
@@ -126,6 +127,7 @@ class WorkOffsets:
         self.changes: list[TableChange] = kept.changes
         self.notes: dict[str, RowNote] = kept.notes
         self.tool = kept.tool
+        self.parameters: dict[int, float] = kept.parameters
         # cutting time since the file was last written [s]
         self._unsaved_s = 0.0
         self._set_cutters = {
@@ -149,9 +151,9 @@ class WorkOffsets:
     def frame(self) -> Frame | None:
         """Return the initial frame of a program; None if nothing was ever set."""
         worn = frozenset(number for number in self.cutters if self.notes.get(f"T{number}", NO_NOTE).is_worn)
-        if not self.systems and not self._set_cutters and not self.notes:
+        if not (self.systems or self._set_cutters or self.notes or self.parameters):
             return None
-        return Frame(systems=self.systems, cutters=self._set_cutters, worn=worn)
+        return Frame(systems=self.systems, cutters=self._set_cutters, worn=worn, parameters=self.parameters)
 
     def keep(
         self,
@@ -170,7 +172,7 @@ class WorkOffsets:
                 both, and another program may have; None: all of ``frame`` is new.
             wall: Unix time [s]. client, program, name: who changes them.
         """
-        systems, cutters = dict(frame.systems), dict(frame.cutters)
+        systems, cutters, parameters = dict(frame.systems), dict(frame.cutters), dict(frame.parameters)
         if before is not None:
             systems = {
                 number: _merged(
@@ -183,11 +185,12 @@ class WorkOffsets:
                 for number, now in cutters.items()
                 if now != before.cutters.get(number)
             }
-        if systems == self.systems and cutters == self._set_cutters:
+            parameters = _merged(self.parameters, before.parameters, parameters)
+        if (systems, cutters, parameters) == (self.systems, self._set_cutters, self.parameters):
             return
         rows = self._rows()
         moved = systems != self.systems
-        self.systems, self._set_cutters = systems, cutters
+        self.systems, self._set_cutters, self.parameters = systems, cutters, parameters
         after = self._rows()
         for row in [row for row in {**rows, **after} if rows.get(row) != after.get(row)]:
             self._note(TableChange(wall, client, program, name, row, rows.get(row, {}), after.get(row, {})))
@@ -309,7 +312,7 @@ class WorkOffsets:
             for number, each in self._set_cutters.items()
         }
         self._unsaved_s = 0.0
-        tables = _Tables(set_cutters, self.changes, self.notes, self.tool)
+        tables = _Tables(set_cutters, self.changes, self.notes, self.tool, self.parameters)
         return {self._tables_path: with_checksum(msgspec.json.encode(tables))}
 
     def _merged_cutter(self, number: int, then: Cutter | None, now: Cutter) -> Cutter:
@@ -342,9 +345,12 @@ class WorkOffsets:
         self.changes = [*self.changes, change][-CHANGES_KEPT:]
 
 
-def _merged(kept: Offsets, then: Offsets, now: Offsets) -> Offsets:
-    """Return stored offsets with one program's changes."""
-    return {**kept, **{axis: at for axis, at in now.items() if then.get(axis) != at}}
+def _merged(
+    kept: Mapping[int, float], then: Mapping[int, float], now: Mapping[int, float]
+) -> dict[int, float]:
+    """Return stored numbers with one program's changes."""
+    found = {**kept, **{number: at for number, at in now.items() if then.get(number) != at}}
+    return {number: at for number, at in found.items() if number in now or number not in then}
 
 
 def _read(path: Path, kind: Any, missing: Any) -> Any:

@@ -6,18 +6,19 @@ from pathlib import Path
 
 import pytest
 
-from mcserver.errors import ServiceError
+from mcserver.errors import ConfigurationError, ServiceError
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.program_check import check_program
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.machine.dialect_section import Cutter
-from mcserver.machine.machine_file import load_machine
+from mcserver.machine.machine_file import load_machine, parse_machine
 from mcserver.motion.canonical import MotionLine, RapidGroup
 from mcserver.planning.start_state import StartState, frame_changes
 from mcserver.planning.state_before import state_before
 from mcserver.service.work_offsets import WorkOffsets
 from mcserver.simulation.foresight import check_text
 from mcserver.simulation.simulation import simulate
+from tests.machine_text import axes_text
 
 MILL = load_machine(str(Path(__file__).parents[1] / "corpus" / "cnc.toml"))
 
@@ -182,6 +183,45 @@ def test_of_programs_side_by_side_each_changes_what_it_has_set_and_nothing_else(
     again = WorkOffsets(path)
     assert again.systems == {1: {0: 0.6, 1: 0.9}, 2: {0: 0.3}}
     assert again.cutters == {3: Cutter(0.08, 0.01)}
+
+
+def test_parameters_stay_for_the_next_program_and_over_a_restart(tmp_path: Path) -> None:
+    text = 'profile = "cnc"\npersistent = [[100, 120]]'
+    mill = parse_machine(f'[machine]\nname = "mill"\n{axes_text([0])}[dialect]\n{text}\n')
+    path = tmp_path / "offsets.json"
+    first = simulate("#100 = 5\n#121 = 7\nG1 X#100 F1000\n#101 = [#100 + 1]\n", mill).end
+    assert first is not None
+    assert first.frame is not None
+    WorkOffsets(path).keep(first.frame, before=Frame())
+    kept = WorkOffsets(path).frame()
+    assert kept == Frame(parameters={100: 5.0, 101: 6.0})
+    then = simulate("G1 X[#101 * 2 + #121] F1000", mill, start=StartState.of(mill, kept))
+    assert then.report["axes"]["0"]["position"] == pytest.approx(12.0)
+
+
+def test_macro_b_keeps_its_common_variables_until_they_are_cleared(tmp_path: Path) -> None:
+    text = 'profile = "cnc"\nmacros = "fanuc"'
+    mill = parse_machine(f'[machine]\nname = "mill"\n{axes_text([0])}[dialect]\n{text}\n')
+    offsets = WorkOffsets(tmp_path / "offsets.json")
+    offsets.keep(Frame(parameters={500: 4.0, 501: 9.0, 502: 1.0}))
+    begun = offsets.frame()
+    found = simulate(
+        "#500 = #0\n#501 = [#501 + 1]\n#100 = 3\nM30", mill, start=StartState.of(mill, begun)
+    ).end
+    assert found is not None
+    assert found.frame is not None
+    # another program has set its own meanwhile
+    offsets.keep(Frame(parameters={502: 2.0}), before=Frame(parameters={502: 1.0}))
+    offsets.keep(found.frame, before=begun)
+    assert WorkOffsets(tmp_path / "offsets.json").parameters == {501: 10.0, 502: 2.0}
+
+
+@pytest.mark.parametrize("given", ["[[1, 20]]", "[[40, 31]]", "[[5000, 5001]]"])
+def test_parameters_that_cannot_stay_are_refused(given: str) -> None:
+    with pytest.raises(ConfigurationError, match="MC004"):
+        parse_machine(
+            f'[machine]\nname = "mill"\n{axes_text([0])}[dialect]\nprofile = "cnc"\npersistent = {given}\n'
+        )
 
 
 def test_no_flipped_bit_of_the_tables_is_taken_for_another_offset(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ the line numbers of motion never decrease, and a line is done when everything th
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import msgspec
@@ -75,7 +75,8 @@ class Expansion:
     def __init__(self, interpreter: Interpreter, source: Source = Source.MACHINE) -> None:
         self._interpreter = interpreter
         self._tolerant = source is Source.ASSUMED
-        self._parameters = self._table(ComputedState())
+        frame = interpreter.frame
+        self._parameters = self._table(ComputedState(frame.parameters if frame is not None else {}))
         self._subprograms: dict[str, Routine] = {}
         self._texts: dict[int, str] = {}
         self._gathered: dict[int, str] = {}
@@ -106,9 +107,14 @@ class Expansion:
         self.through = 0
 
     def _table(self, kept: ComputedState) -> ParameterTable:
-        return ParameterTable(kept)
+        return ParameterTable(kept, persistent=self._interpreter.machine.dialect.persistent)
 
     # ------------------------------------------------------------ state
+
+    @property
+    def lasting(self) -> Mapping[int, float]:
+        """The parameters that stay for later programs (D-81), the same object until one is set."""
+        return self._parameters.lasting()
 
     @property
     def idle(self) -> bool:

@@ -33,8 +33,8 @@ from mcserver.gcode.text.parser import ParsedLine
 from mcserver.gcode.text.source import split_lines
 
 _COMMON = (range(100, 200), range(500, 1000))
-# on Fanuc's controllers these keep values of earlier programs; not here
-_KEPT_BY_FANUC = _COMMON[1]
+# they keep values of earlier programs, so that one without is a mistake
+_KEPT = _COMMON[1]
 _ALARM = 3000
 _COUNTED_TWICE = 10_000
 # numbered parameters of positions, the first of nine: in the machine's zero, or not
@@ -99,7 +99,7 @@ class MacroExpansion(Expansion):
         self._note()
 
     def _table(self, kept: ComputedState) -> ParameterTable:
-        return ParameterTable(kept, LOCALS, NULL)
+        return ParameterTable(kept, LOCALS, NULL, self._interpreter.machine.dialect.persistent)
 
     def _restore(self, kept: ComputedState) -> None:
         for number, text in sorted(kept.subprograms.items()):
@@ -461,10 +461,10 @@ class MacroExpansion(Expansion):
         """Return a numbered parameter (`expressions.Values`)."""
         if number <= LOCALS or number in _COMMON[0]:
             return self._parameters.numbered(number)
-        if number in _KEPT_BY_FANUC:
+        if number in _KEPT:
             if self._parameters.has(number):
                 return self._parameters.numbered(number)
-            hint = "nothing stays from one program to the next here: set it first"
+            hint = "set it first, here or in an earlier program on this server"
             raise ComputingError("MC162", f"#{number} has no value yet", span, hint)
         if number in _MODAL:
             return _MODAL[number](lambda name: self.measured.named(name, span) or 0.0)

@@ -53,14 +53,23 @@ class ParameterTable:
 
     Args:
         local: count of numbered ones that are local to a call. unset: value of one that was never set.
+        persistent: first and last of those that stay for later programs.
 
     Attributes:
         scopes: of the main program and of the running calls.
     """
 
-    def __init__(self, kept: ComputedState, local: int = LOCAL, unset: float = 0.0) -> None:
+    def __init__(
+        self,
+        kept: ComputedState,
+        local: int = LOCAL,
+        unset: float = 0.0,
+        persistent: tuple[tuple[int, int], ...] = (),
+    ) -> None:
         self._local = local
         self._unset = unset
+        self._persistent = persistent
+        self._lasting: Mapping[int, float] | None = None
         self.scopes = [self.scope()]
         self._numbered = {number: value for number, value in kept.numbered.items() if number > local}
         self._named = dict(kept.named)
@@ -80,9 +89,24 @@ class ParameterTable:
     def kept(self) -> ComputedState:
         """Return the parameters of the main program, and the global ones."""
         main = self.scopes[0]
-        unset = (type(self._unset), self._unset)
-        local = {each: value for each, value in enumerate(main.numbered) if (type(value), value) != unset}
+        local = {each: value for each, value in enumerate(main.numbered) if self._is_set(value)}
         return ComputedState({**self._numbered, **local}, dict(main.named), dict(self._named))
+
+    def lasting(self) -> Mapping[int, float]:
+        """Return the parameters that stay for later programs; the same object until one is set."""
+        if self._lasting is None:
+            self._lasting = {
+                number: value
+                for number, value in self._numbered.items()
+                if self._stays(number) and self._is_set(value)
+            }
+        return self._lasting
+
+    def _stays(self, number: int) -> bool:
+        return any(first <= number <= last for first, last in self._persistent)
+
+    def _is_set(self, value: float) -> bool:
+        return (type(value), value) != (type(self._unset), self._unset)
 
     def numbered(self, number: int) -> float:
         """Return a numbered parameter; one that was never set is `unset`."""
@@ -100,6 +124,8 @@ class ParameterTable:
             self.scopes[-1].numbered[number] = value
         else:
             self._numbered[number] = value
+            if self._stays(number):
+                self._lasting = None
 
     def set_named(self, name: str, value: float, span: Span = (1, 2)) -> None:
         """Set a named parameter; a name that begins with ``_`` is global.

@@ -133,6 +133,7 @@ class Frame(msgspec.Struct, frozen=True):
         direction: of the spindle, 1, -1 or 0. spindle_rpm: the last S of G97.
         surface: of G96; None: S is turns.
         retraction: as M207 and M208 set it; None: the machine file's.
+        parameters: numbered ones that stayed of earlier programs, by number (D-81).
         retracted: shift of the zeros of the extruder and of Z by G10; None: not retracted (D-115).
     """
 
@@ -156,6 +157,7 @@ class Frame(msgspec.Struct, frozen=True):
     spindle_rpm: float = 0.0
     surface: Surface | None = None
     retraction: Retraction | None = None
+    parameters: Mapping[int, float] = {}
     retracted: Offsets | None = None
 
     def shift(self) -> dict[int, float] | None:
