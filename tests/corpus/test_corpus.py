@@ -161,6 +161,24 @@ def test_expressions_and_o_words_are_refused_once_for_the_file() -> None:
     assert (fault.code, fault.line) == ("MC140", 1)
 
 
+@pytest.mark.parametrize(
+    ("text", "profile"),
+    [
+        ("# the first layer\nG28", "printer"),
+        ("<<<<<<< HEAD\nG0 X1\n=======\nG0 X2\n>>>>>>> branch", "cnc"),
+    ],
+)
+def test_what_is_no_expression_is_not_said_to_compute(text: str, profile: str) -> None:
+    found = errors(text, profile)
+    assert {each.code for each in found} == {"MC103"}
+    assert found[0].line == 1
+
+
+@pytest.mark.parametrize("line", ["R1=5", "G1 X=R1", "#5=1", "G1 X[1+2]", "#<a>=1", "G1 X#<a>", "G1 X##2"])
+def test_what_computes_is_said_to(line: str) -> None:
+    assert [each.code for each in errors(line, "printer")] == ["MC140"]
+
+
 def test_what_has_no_effect_is_listed_once_with_its_count() -> None:
     found = check_program("G67 G49\nM8\nM8\nG1 X1 F100", machine_of("cnc"))
     assert [(each.code, each.severity) for each in found] == [("MC142", "warning")]

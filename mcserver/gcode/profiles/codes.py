@@ -245,6 +245,7 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
             "retractions are for the profile printer with an axis E; let the slicer write them as moves of E",
         ),
         "G16": "polar coordinates are read in the profile cnc; let the post write X and Y",
+        "G31": "a probe's move is G38.2 to G38.5 here; let the post write G38.2, or G38.3 if it may miss",
         "G33.1": "holes are tapped in the profile cnc; let the CAM mill the thread",
         **dict.fromkeys(("G33", "G76"), "threads are cut in the profile cnc; let the CAM mill the thread"),
         **dict.fromkeys(
