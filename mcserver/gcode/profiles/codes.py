@@ -173,6 +173,8 @@ IGNORED: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
             (_NO_COMPENSATION - TRANSFORMING)
             | {"G8", "G67", "G103", "G187"}
             | {f"M{n}" for n in (7, 8, 9, 10, 11, 17, 18, 29, 41, 42, 43, 44, 48, 49, 50, 51, 52, 53, 84)}
+            # Haas's conveyor of chips, and coolant through the spindle
+            | {"M31", "M33", "M88", "M89"}
         ),
         "robot": frozenset(
             _NO_COMPENSATION | {"G80", "G43", "G49", "M6", "M7", "M8", "M9", "M10", "M11", "M48", "M49"}
