@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -150,6 +151,14 @@ def test_the_feed_counts_x_y_z_and_others_go_along() -> None:
     assert [line["requested_s"] for line in lines] == pytest.approx([1.0, 12.0])
 
 
+def test_the_feed_of_an_arc_counts_x_y_z_and_the_extruder_goes_along() -> None:
+    lines = run("M83\nG1 X10 Y10 F1200\nG2 X20 I5 J0 E10\nG2 X30 Z3 I5 J0 E9", "printer")["lines"]
+    turn = math.pi * 5.0
+    assert [line["requested_s"] for line in lines[1:]] == pytest.approx(
+        [turn / 20.0, math.hypot(turn, 3.0) / 20.0]
+    )
+
+
 def test_a_dwell_is_milliseconds_on_a_printer_and_seconds_on_a_mill() -> None:
     assert run("G4 P1500\nG0 X1", "printer")["lines"][0]["requested_s"] == pytest.approx(1.5)
     assert run("G4 P1.5\nG0 X1", "cnc")["lines"][0]["requested_s"] == pytest.approx(1.5)
@@ -159,6 +168,30 @@ def test_expressions_and_o_words_are_refused_once_for_the_file() -> None:
     text = "#1 = 5\nG1 X[#1+2] F100\no100 sub\no100 endsub\n" * 20
     (fault,) = errors(text, "printer")
     assert (fault.code, fault.line) == ("MC140", 1)
+
+
+@pytest.mark.parametrize(
+    ("text", "profile"),
+    [
+        ("# the first layer\nG28", "printer"),
+        ("O7997A (SHEET)\nG0 X1", "robot"),
+        ("<<<<<<< HEAD\nG0 X1\n=======\nG0 X2\n>>>>>>> branch", "cnc"),
+    ],
+)
+def test_what_is_no_expression_is_not_said_to_compute(text: str, profile: str) -> None:
+    found = errors(text, profile)
+    assert {each.code for each in found} <= {"MC102", "MC103"}
+    assert found[0].line == 1
+
+
+def test_the_conveyor_of_a_haas_has_no_effect() -> None:
+    (said,) = check_program("M31\nM88\nG0 X1\nM89\nM33\nM30", machine_of("cnc"))
+    assert (said.code, "M31 (1)" in said.message) == ("MC142", True)
+
+
+@pytest.mark.parametrize("line", ["R1=5", "G1 X=R1", "#5=1", "G1 X[1+2]", "#<a>=1", "G1 X#<a>", "G1 X##2"])
+def test_what_computes_is_said_to(line: str) -> None:
+    assert [each.code for each in errors(line, "printer")] == ["MC140"]
 
 
 def test_what_has_no_effect_is_listed_once_with_its_count() -> None:

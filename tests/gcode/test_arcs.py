@@ -317,3 +317,18 @@ def test_arcs_in_columns_keep_to_g90_1() -> None:
     found = check_program("\n".join(["F1000 G90.1", "G1 X10 Y0", *lines]), MACHINE)
     assert found == []
     assert {tuple(round(each, 6) for each in move[3:]) for move in moves[1:]} == {(5.0, 0.0)}
+
+
+def test_a_centre_that_only_fits_as_a_position_is_said_to_lack_g90_1() -> None:
+    start = "F1000 G92 X5 Y3\nG0 X-40 Y50"
+    (fault,) = check_program(f"{start}\nG3 X-30 Y40 I-40 J40", MACHINE)
+    assert (fault.code, fault.hint.endswith("is G90.1 missing?")) == ("MC133", True)
+    assert check_program(f"{start}\nG90.1\nG3 X-30 Y40 I-40 J40", MACHINE) == []
+    (neither,) = check_program(f"{start}\nG3 X-30 Y40 I-40 J45", MACHINE)
+    assert "increments" in neither.hint
+    assert "G90.1" not in neither.hint
+    (position,) = check_program(f"{start}\nG90.1\nG3 X-30 Y40 I-40 J45", MACHINE)
+    assert "increments" not in position.hint
+    # there is no G90.1 to write
+    (reference,) = check_program("G94 F1000 G17\nG0 X-40 Y50\nG3 X-30 Y40 I-40 J40", CARTESIAN)
+    assert "G90.1" not in reference.hint

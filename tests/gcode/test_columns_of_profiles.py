@@ -74,6 +74,9 @@ def line(random: Random, letters: str) -> str:
     if random.random() < 0.02:
         words.append(f"{random.choice(WORDS)}{random.randrange(-3, 4)}")
     code = random.choice(("", "", "G1 ", "G01", "g1", "G0 ", "G00"))
+    if letters.startswith("XY") and random.random() < 0.3:
+        code = random.choice(("G2 ", "G3"))
+        words.append(f"R{random.choice((20, 30.5))}")
     number = f"N{random.randrange(99)} " if random.random() < 0.2 else ""
     return (
         number + code + random.choice((" ", "")).join(words) + random.choice(("", "", "", " ; said", "(x)"))
@@ -85,7 +88,9 @@ def programs(draw: st.DrawFn) -> list[str]:
     random = Random(draw(st.integers(0, 2**32)))
     shapes = draw(
         st.lists(
-            st.sampled_from(["X", "XY", "YX", "XYZ", "Z", "XE", "E", "XYE", "A", "XA", "U", "XU"]),
+            st.sampled_from(
+                ["X", "XY", "YX", "XYZ", "Z", "XE", "E", "XYE", "XYZE", "XYU", "A", "XA", "U", "XU"]
+            ),
             min_size=1,
             max_size=3,
         )
@@ -133,6 +138,7 @@ def test_a_check_says_the_same_of_both(texts: list[str], kind: str) -> None:
     ("kind", "lines"),
     [
         ("mill", [f"G1 X{at} S{at * 10}" for at in range(40)]),
+        ("printer", [f"G{2 + at % 2} X{at + 1} Y{at % 5} Z{at / 10} R30 E{at / 9}" for at in range(40)]),
         ("laser", [f"{'G0' if at % 9 == 5 else 'G1'} X{at} S{at * 10}" for at in range(40)]),
         ("printer", [f"N{at}G1X{at}Y{at % 3}E{at / 10}F900" for at in range(40)]),
         ("no extruder", [f"{'G0' if at % 4 else 'G1'} X{at} E{at / 10}" for at in range(40)]),

@@ -134,6 +134,11 @@ def test_what_does_not_fit_is_one_fault_with_its_line(text: str, code: str, line
     assert faults(text)[:1] == [(code, line)]
 
 
+def test_a_subprogram_that_is_not_there_may_be_in_a_folder() -> None:
+    (fault,) = check_program("o<bore> call", MACHINE)
+    assert (fault.code, "subroutines" in fault.hint) == ("MC165", True)
+
+
 def test_a_fault_in_a_loop_is_said_once_at_its_own_line() -> None:
     text = "F100\no1 repeat [50]\n G1 X[1] X2\n #1=[1/0]\no1 endrepeat"
     assert faults(text) == [("MC111", 3), ("MC163", 4)]

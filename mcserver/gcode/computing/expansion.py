@@ -426,7 +426,8 @@ class Expansion:
                 "MC165",
                 f"there is no subprogram {name} above this line",
                 step.span,
-                f"write o{shown_name(name)} sub … endsub ahead of it; there is {known}",
+                f"write o{shown_name(name)} sub … endsub ahead of it, or name the folder of its file in the "
+                f"machine file: [dialect] subroutines; there is {known}",
             )
         if len(self._frames) > DEEPEST_CALL:
             raise ComputingError(

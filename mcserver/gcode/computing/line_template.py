@@ -191,7 +191,8 @@ class LineTemplate:
                 "MC140",
                 f"{shown} is Fanuc's macro language, which is not read here",
                 span,
-                '[dialect] macros = "fanuc" in the machine file reads it; O-words do the same: o100 if [...]',
+                "LinuxCNC's begins with its O-word: o100 if [...]; Fanuc's is read with "
+                '[dialect] macros = "fanuc" in the machine file',
             )
         start = skip(text, at + 1 if axis is None else axis.end())
         value, end = read_value(text, start, 0, self._language)

@@ -367,7 +367,8 @@ class MacroExpansion(Expansion):
                 "MC165",
                 f"there is no subprogram O{number}",
                 step.span,
-                f"write O{number} … M99 behind M30 in this file; there is {known}",
+                f"write O{number} … M99 behind M30 in this file, or name the folder of its file in the "
+                f"machine file: [dialect] subroutines; there is {known}",
             )
         if program is None:
             raise _NeedsText(f"O{number}", lambda: str(number) in self._programs or self._current.closed)

@@ -60,17 +60,23 @@ def inside_travels(curve: ArcCurve, rows: tuple[AxisRow, ...]) -> bool:
 
 
 def arc_frame(
-    usable: Mapping[int, AxisRow], chosen: int | None, axes: tuple[int, ...], offsets: tuple[int, ...]
+    usable: Mapping[int, AxisRow],
+    chosen: int | None,
+    axes: tuple[int, ...],
+    offsets: tuple[int, ...],
+    *,
+    further: bool,
 ) -> ArcFrame | None:
     """Choose an arc's axes by the letters of its words; None if they need the block interpreter.
 
     Args:
         usable: rows by axis. chosen: the plane in force. axes: of the words. offsets: 0 1 2 for I J K.
+        further: axes beyond X Y Z may go along, without a part in the length (D-66).
     """
-    if axes and max(axes) > 2:
+    if axes and max(axes) > 2 and not further:
         return None
     try:
-        plane = PLANES[choose_plane(chosen, frozenset(offsets), frozenset(axes))]
+        plane = PLANES[choose_plane(chosen, frozenset(offsets), frozenset(axes) & {0, 1, 2})]
     except NoPlane:
         return None
     ordered = plane + tuple([index for index in axes if index not in plane])

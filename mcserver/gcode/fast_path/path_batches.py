@@ -138,7 +138,8 @@ class PathBatchInterpreter:
     def _kind_of(self, shape: Shape, modal: ModalState, commanded: CommandedState) -> Kind | None:
         """Return what lines of a shape produce; None if they need the block interpreter."""
         if shape.curved:
-            frame = arc_frame(self._rows, modal.plane, shape.axes, shape.offsets)
+            further = not self._vocabulary.feed_of_axes
+            frame = arc_frame(self._rows, modal.plane, shape.axes, shape.offsets, further=further)
             if frame is None or not commanded.synced(frame.axes):
                 return None
             return Kind(frame.axes, True, FeedBasis.PATH)
@@ -240,6 +241,8 @@ class PathBatchInterpreter:
         shape = lines.table.shape[curved]
         for index, kind in lines.kinds.items():
             for axis in kind.axes[2:] if kind.curved else ():
+                if axis > 2:
+                    continue
                 of_kind = np.flatnonzero(shape == index)
                 rows, column = curved[of_kind], axes.index(axis)
                 climbs[of_kind] = points[rows + 1, column] - points[rows, column]

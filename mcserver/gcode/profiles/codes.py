@@ -173,6 +173,8 @@ IGNORED: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
             (_NO_COMPENSATION - TRANSFORMING)
             | {"G8", "G67", "G103", "G187"}
             | {f"M{n}" for n in (7, 8, 9, 10, 11, 17, 18, 29, 41, 42, 43, 44, 48, 49, 50, 51, 52, 53, 84)}
+            # Haas's conveyor of chips, and coolant through the spindle
+            | {"M31", "M33", "M88", "M89"}
         ),
         "robot": frozenset(
             _NO_COMPENSATION | {"G80", "G43", "G49", "M6", "M7", "M8", "M9", "M10", "M11", "M48", "M49"}
@@ -245,6 +247,7 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
             "retractions are for the profile printer with an axis E; let the slicer write them as moves of E",
         ),
         "G16": "polar coordinates are read in the profile cnc; let the post write X and Y",
+        "G31": "a probe's move is G38.2 to G38.5 here; let the post write G38.2, or G38.3 if it may miss",
         "G33.1": "holes are tapped in the profile cnc; let the CAM mill the thread",
         **dict.fromkeys(("G33", "G76"), "threads are cut in the profile cnc; let the CAM mill the thread"),
         **dict.fromkeys(

@@ -40,8 +40,8 @@ _NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
 _TOKEN = re.compile(rf"([A-Z@^])[ \t]*({_NUMBER})|\[[ \t]*([0-9]{{1,2}})[ \t]*\][ \t]*({_NUMBER})|([^ \t])")
 _COMMENT = re.compile(r"\([^()]*\)|;.*")
 _COMPUTED = re.compile(
-    r"[#=<>]|[A-Z@^][ \t]*[-+]?[ \t]*\[|\][ \t]*\[|\b(?:IF|WHILE|GOTO|CALL|SUB|ENDSUB)\b|O[ \t]*<"
-    r"|\A[ \t]*(?:N[0-9]+[ \t]*)?O[ \t]*[0-9]+[ \t]*[A-Z]"
+    r"#[ \t]*[0-9<\[#]|[A-Z0-9\]>][ \t]*=|[A-Z@^][ \t]*[-+]?[ \t]*\[|\][ \t]*\["
+    r"|\b(?:IF|WHILE|GOTO|CALL|SUB|ENDSUB)\b|O[ \t]*<|\A[ \t]*(?:N[0-9]+[ \t]*)?O[ \t]*[0-9]+[ \t]*[A-Z]{2}"
 )
 _PROGRAM_NUMBER = re.compile(r"[ \t]*[O:][ \t]*[0-9]+[ \t]*\Z")
 _WITH_O = re.compile(r"(?<![A-Z<])([A-MP-Z])([-+]?[0-9O.]*O[0-9O.]*)(?![A-Z.0-9])")

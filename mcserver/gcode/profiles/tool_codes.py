@@ -146,11 +146,12 @@ def tool_number(block: BlockState, word: ProfileWord | None) -> int | None:
 
 def refuse_unknown_tool(block: BlockState, number: int, word: ProfileWord | Action) -> None:
     """Report a tool that is not in the tool table."""
-    known = ", ".join(str(each) for each in sorted(tool_table(block.setup.machine, block.frame))) or "none"
+    table = sorted(tool_table(block.setup.machine, block.frame))
+    known = ", ".join(map(str, table[:20])) or "none"
     block.faults.add(
         "MC143",
         f"the tool table has no tool {number}: its length is not known",
         word.span,
         f"send G10 L1 P{number} Z… with its length, or add [[cutter]] with number = {number} to the machine "
-        f"file; there are {known}",
+        f"file; there are {known}{', …' * (len(table) > 20)}",
     )

@@ -87,15 +87,19 @@ class Arc(msgspec.Struct, frozen=True):
         apart = math.hypot(end[0] - start[0], end[1] - start[1])
         return abs(self.sweep) > NEARLY_CLOSED and apart >= SMALLEST_SWEEP * self.radius
 
-    def curve(self, axes: tuple[int, ...], start: tuple[float, ...], end: tuple[float, ...]) -> ArcCurve:
+    def curve(
+        self, axes: tuple[int, ...], start: tuple[float, ...], end: tuple[float, ...], *, xyz: bool = False
+    ) -> ArcCurve:
         """Return the arc as a path of axes; displacements of the further axes add to its length (D-30).
 
         Args:
             start, end: shape (len(axes),) [m], the plane's two axes first.
+            xyz: only those of X Y Z add to it (D-66).
         """
         further: list[float] = []
         if len(axes) > 2:
-            further = [last - first for first, last in zip(start[2:], end[2:], strict=True)]
+            steps = zip(axes[2:], start[2:], end[2:], strict=True)
+            further = [last - first for axis, first, last in steps if axis <= 2 or not xyz]
         length = math.hypot(self.radius * self.sweep, self.growth, *further)
         return ArcCurve(axes, start, end, self.centre, self.sweep, length)
 

@@ -147,29 +147,26 @@ def find_arc(
                 f"use R{sign}{shown}, or give the centre with {_letters(plane)}",
             )
         return None
-    centre = [begin[0], begin[1]]
-    if block.modal.absolute_centres:
-        if not words.offsets.keys() >= set(plane):
-            block.faults.add(
-                "MC130",
-                f"under G90.1 the centre is a position: it needs {_letters(plane)}",
-                block.span(command),
-                "give both, or write G91.1",
-            )
-            return None
-        unturned = msgspec.structs.replace(bent, directions=None)
-        origin = unturned.applied(dict.fromkeys(plane, 0.0))
-        centre = [zero.get(axis, 0.0) + origin[axis] for axis in plane]
+    if block.modal.absolute_centres and not words.offsets.keys() >= set(plane):
+        block.faults.add(
+            "MC130",
+            f"under G90.1 the centre is a position: it needs {_letters(plane)}",
+            block.span(command),
+            "give both, or write G91.1",
+        )
+        return None
     across = [0.0, 0.0]
     for coordinate, offset in words.offsets.items():
         if offset.word.value != offset.word.value:
             return None
-        if coordinate not in plane:
-            continue
-        across[plane.index(coordinate)] = offset.word.value * length_scale(offset.inch)
-    centre = [place + each for place, each in zip(centre, bent.vector(plane, *across), strict=True)]
+        if coordinate in plane:
+            across[plane.index(coordinate)] = offset.word.value * length_scale(offset.inch)
+    ahead = bent.vector(plane, *across)
+    centre = (begin[0] + ahead[0], begin[1] + ahead[1])
+    if block.modal.absolute_centres:
+        centre = _from_zero(bent, plane, zero, ahead)
     try:
-        shape = arc_by_centre(begin, finish, (centre[0], centre[1]), clockwise, turns, block.arc_tolerance)
+        shape = arc_by_centre(begin, finish, centre, clockwise, turns, block.arc_tolerance)
         return _noticed(block, command, shape, begin, finish)
     except ZeroRadius:
         offsets = list(words.offsets.values())
@@ -177,18 +174,42 @@ def find_arc(
             "MC135",
             "the centre lies on the start or the end of the arc",
             block.parsed.span(offsets[0].word.index, max(offset.word.index for offset in offsets)),
-            "I J K go from the start point to the centre",
+            _meaning(block),
         )
     except RadiusMismatch as fault:
         allowed = block.arc_tolerance.at(fault.start_radius)
+        # only the profile cnc has G90.1
+        positions = block.setup.machine.dialect.profile == "cnc"
+        other = _from_zero(bent, plane, zero, ahead) if positions else centre
+        radius = math.dist(other, begin)
+        fits = abs(radius - math.dist(other, finish)) <= block.arc_tolerance.at(radius)
         block.faults.add(
             "MC133",
             f"the start lies {shown_length(fault.start_radius, inch)} from the centre and the end "
             f"{shown_length(fault.end_radius, inch)}; they may differ by {shown_length(allowed, inch)}",
             block.span(command),
-            "I J K are increments from the start point, absolute mode or not; check them and the endpoint",
+            f"{_meaning(block)}; "
+            + ("as positions they fit: is G90.1 missing?" if fits else "check them and the endpoint"),
         )
     return None
+
+
+def _meaning(block: BlockState) -> str:
+    """Return what I J K of an arc are."""
+    if block.modal.absolute_centres:
+        return "under G90.1 I J K are the centre's position"
+    return "I J K are increments from the start point, absolute mode or not"
+
+
+def _from_zero(
+    bent: Transformation, plane: tuple[int, int], zero: Mapping[int, float], ahead: Sequence[float]
+) -> Point:
+    """Return the place that lies ``ahead`` of the program's zero [m]."""
+    origin = msgspec.structs.replace(bent, directions=None).applied(dict.fromkeys(plane, 0.0))
+    first, second = (
+        zero.get(axis, 0.0) + origin[axis] + each for axis, each in zip(plane, ahead, strict=True)
+    )
+    return first, second
 
 
 def _transformed(

@@ -427,7 +427,7 @@ def _curve(
     if piece.centre is not None:
         radii = math.dist(begin, piece.centre), math.dist(piece.end, piece.centre)
         arc = Arc(piece.centre, piece.sweep, math.fsum(radii) / 2.0, radii[1] - radii[0])
-        return arc.curve(axes, start, end)
-    # F counts X Y Z (D-66)
+        # F counts X Y Z (D-66), here and below
+        return arc.curve(axes, start, end, xyz=True)
     travel = [last - first for axis, first, last in zip(axes, start, end, strict=True) if axis <= 2]
     return LineCurve(axes, start, end, math.hypot(*travel))

@@ -151,7 +151,7 @@ def _arc(
     for axis in plane:
         block.end_at(axis, ends[axis])
     block.feed_length += curve.length
-    measure = feed_basis(len(axes), 0)
+    measure = feed_basis(len(axes), 0) if block.setup.machine.dialect.reference else FeedBasis.PATH
     return FeedMove(command, curve, measure, block.modal.inverse_time, block.modal.feed)
 
 
@@ -166,9 +166,10 @@ def _arc_curve(
     """Return the arc between positions of ``axes`` [m], the plane's first; None after a fault."""
     plane, zero, directions = (axes[0], axes[1]), block.modal.shift or {}, block.transformation.directions
     begin, finish = (tuple(each[axis] for axis in axes) for each in (starts, ends))
+    xyz = not block.setup.machine.dialect.reference
     if directions is None:
         shape = find_arc(block, command, words, plane, starts, ends, zero)
-        return None if shape is None else shape.curve(axes, begin, finish)
+        return None if shape is None else shape.curve(axes, begin, finish, xyz=xyz)
     first, last = (
         back(directions, {axis: each[axis] - zero.get(axis, 0.0) for axis in axes}) for each in (starts, ends)
     )
@@ -179,8 +180,8 @@ def _arc_curve(
         around = along(directions, dict(zip(plane, shape.centre, strict=True)))
         centre = around[axes[0]] + zero.get(axes[0], 0.0), around[axes[1]] + zero.get(axes[1], 0.0)
         sweep = -shape.sweep if block.transformation.reverses(plane) else shape.sweep
-        return msgspec.structs.replace(shape, centre=centre, sweep=sweep).curve(axes, begin, finish)
-    flat = shape.curve(axes, tuple(first[axis] for axis in axes), tuple(last[axis] for axis in axes))
+        return msgspec.structs.replace(shape, centre=centre, sweep=sweep).curve(axes, begin, finish, xyz=xyz)
+    flat = shape.curve(axes, tuple(first[axis] for axis in axes), tuple(last[axis] for axis in axes), xyz=xyz)
     place = tuple(zero.get(axis, 0.0) for axis in axes)
     matrix = tuple(
         tuple(directions[row][column] if max(row, column) < 3 else float(row == column) for column in axes)
