@@ -47,7 +47,6 @@ class StartState(msgspec.Struct, frozen=True):
         energy.
         energized: axes that hold their position. unsettled: axes that turn, push or still move by
             themselves; one at a speed of 0 does not.
-        speeds, torques: of axes in these modes, by number [rad/s or m/s; N·m].
         homed: axes that know where they are.
         frame: work offsets; None: none were ever set.
         modal: state behind the lines before its first; None: a program's own beginning.
@@ -63,8 +62,6 @@ class StartState(msgspec.Struct, frozen=True):
     positions: Mapping[int, float]
     energized: frozenset[int] = frozenset()
     unsettled: frozenset[int] = frozenset()
-    speeds: Mapping[int, float] = {}
-    torques: Mapping[int, float] = {}
     homed: frozenset[int] = frozenset()
     frame: Frame | None = None
     modal: ModalState | None = None
@@ -171,6 +168,12 @@ def changes_between(
     ]
     if _beyond_systems(before.frame) != _beyond_systems(now.frame) or before.modal != now.modal:
         found.append("the modal state that it starts with is another one")
+    then_kept, now_kept = ((each or Frame()).parameters for each in (before.frame, now.frame))
+    found += [
+        f"the parameter #{number} has another value"
+        for number in sorted(then_kept.keys() | now_kept.keys())
+        if then_kept.get(number) != now_kept.get(number)
+    ]
     if before.tool != now.tool:
         found.append(f"tool {before.tool} was in the spindle, and tool {now.tool} is")
     if before.mesh != now.mesh:
@@ -222,7 +225,7 @@ def axis_word(machine: Machine, axis: int) -> str:
 
 
 def _beyond_systems(frame: Frame | None) -> Frame:
-    return msgspec.structs.replace(frame or Frame(), systems={}, cutters={}, worn=frozenset())
+    return msgspec.structs.replace(frame or Frame(), systems={}, cutters={}, worn=frozenset(), parameters={})
 
 
 def _length(machine: Machine, axis: int, distance: float) -> str:

@@ -116,11 +116,18 @@ class Approach(msgspec.Struct, frozen=True):
     lines_with_outputs: tuple[str, ...]
 
 
-def plan_approach(machine: Machine, state: StateBefore, now: StartState, lease: Iterable[int]) -> Approach:
+def plan_approach(
+    machine: Machine,
+    state: StateBefore,
+    now: StartState,
+    lease: Iterable[int],
+    running: Mapping[int, float] = {},
+) -> Approach:
     """Plan the approach from the axes' present positions to those before a line.
 
     Args:
         state: of the program before the line. now: present state of the machine. lease: the program's axes.
+        running: axes that turn or push at present (`turning_and_pushing`).
     """
     # the second drive of a gantry follows its leader
     leased = set(lease).difference(machine.followers)
@@ -158,7 +165,7 @@ def plan_approach(machine: Machine, state: StateBefore, now: StartState, lease: 
         # the program has no known position of the machine's safe axis
         recovery = None
     moves = _moves(recovery, away_known, known)
-    switched, restoring = _switched(machine, state, now, leased)
+    switched, restoring = _switched(machine, state, now, leased, running)
     waiting = [each for each in state.awaited if _is_restored(each, state, now)]
     waits = _wait_lines(machine, waiting)
     if restoring:
@@ -242,7 +249,11 @@ def _moves(recovery: Recovery | None, away: set[int], known: Mapping[int, float]
 
 
 def _switched(
-    machine: Machine, state: StateBefore, now: StartState, leased: set[int]
+    machine: Machine,
+    state: StateBefore,
+    now: StartState,
+    leased: set[int],
+    running: Mapping[int, float],
 ) -> tuple[list[Switched], list[str]]:
     """Return the values that differ from the program's, and the lines that restore these."""
     found: list[Switched] = []
@@ -259,12 +270,12 @@ def _switched(
     for index, speed in sorted(state.speeds.items()):
         if index in leased and speed:
             turn = _axis(machine, index).travel_per_motor_turn
-            rpm, at = (motor_rpm(each, turn) for each in (speed, now.speeds.get(index, 0.0)))
+            rpm, at = (motor_rpm(each, turn) for each in (speed, running.get(index, 0.0)))
             found.append(Switched(f"axis {index}", rpm, at, "RPM"))
             codes.append(f"G1030 [{index}]{rpm:.9f}")
     for index, torque in sorted(state.torques.items()):
         if index in leased and torque:
-            found.append(Switched(f"axis {index}", torque, now.torques.get(index, 0.0), "N·m"))
+            found.append(Switched(f"axis {index}", torque, running.get(index, 0.0), "N·m"))
             codes.append(f"G1040 [{index}]{torque:.9f}")
     return found, codes
 

@@ -25,6 +25,7 @@ from mcserver.service.journal_reader import (
 )
 from mcserver.service.program_table import ProgramTable
 from mcserver.service.reports import ProgramStatus
+from mcserver.service.start_of_programs import turning_and_pushing
 from mcserver.units import DEGREE
 
 # Difference below which work offsets are the same [m or rad].
@@ -184,7 +185,8 @@ class Recovering:
     def plan(self, start: Start, axes: Sequence[int]) -> Approach:
         """Plan the approach from the axes' positions to those of a start."""
         assert start.state is not None
-        approach = plan_approach(self._machine, start.state, self._table.start_state(), axes)
+        running = turning_and_pushing(self._machine, self._table.port.snapshot())
+        approach = plan_approach(self._machine, start.state, self._table.start_state(), axes, running)
         if start.thread and any(step.targets for step in approach.way):
             need = Need(
                 "MC592",

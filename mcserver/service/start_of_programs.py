@@ -36,13 +36,10 @@ def start_state(
     settled |= {axis for axis, state in states.items() if state == "speed" and not turning[axis]}
     setpoint = dict(zip(axes, cycle.setpoint, strict=True))
     actual = dict(zip(axes, cycle.position, strict=True))
-    velocity, torque = (dict(zip(axes, each, strict=True)) for each in (cycle.velocity, cycle.torque))
     return StartState(
         positions={axis: (setpoint if axis in energized else actual)[axis] for axis in axes},
         energized=energized,
         unsettled=frozenset(axes) - settled,
-        speeds={axis: velocity[axis] for axis in axes if states[axis] == "speed"},
-        torques={axis: torque[axis] for axis in axes if states[axis] == "torque"},
         # without information every axis counts as homed
         homed=frozenset(
             axis for axis, homed in zip(axes, cycle.homed or [True] * len(axes), strict=True) if homed
@@ -54,3 +51,15 @@ def start_state(
         switches=switches,
         tool=tool,
     )
+
+
+def turning_and_pushing(machine: Machine, cycle: Snapshot) -> dict[int, float]:
+    """Return by number the speeds of axes in speed mode and the torques of those in torque mode [rad/s, m/s;
+    N·m].
+    """
+    found = {}
+    for column, axis in enumerate(machine.axes):
+        values = {"speed": cycle.velocity, "torque": cycle.torque}.get(cycle.states[column])
+        if values is not None:
+            found[axis.index] = values[column]
+    return found
