@@ -1,10 +1,9 @@
-"""An operator's orders while axes move: hold, resume, override, abort, emergency stop, reset."""
+"""An operator's orders while axes move: hold, resume, override, emergency stop, reset."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-import math
 from collections.abc import AsyncIterator, Callable
 
 import numpy as np
@@ -14,7 +13,6 @@ from mcclient import (
     Machine,
     MachineStatus,
     Program,
-    ProgramAborted,
     ProgramFaulted,
     ProgramRejected,
     Report,
@@ -24,10 +22,8 @@ from mcclient.types import AxisState
 
 from tests.e2e.observing import (
     LIMIT_S,
-    Array,
     Recording,
     event,
-    known,
     line_started,
     listening,
     listening_events,
@@ -35,7 +31,6 @@ from tests.e2e.observing import (
     reset,
     run,
 )
-from tests.net.client import ErrorAnswer, WireClient
 
 # 100 mm/s along a line with Y = X / 2
 SLOW = ["G1010", "G94 F6000", "G01 X400 Y200"]
@@ -64,17 +59,8 @@ async def until(machine: Machine, condition: Callable[[MachineStatus], bool]) ->
     raise AssertionError("the states ended")
 
 
-def speed(status: MachineStatus) -> float:
-    """Along X and Y [mm/s]."""
-    return math.hypot(*status.axes.velocity[:2])
-
-
 def at_rest(status: MachineStatus) -> bool:
     return max(abs(velocity) for velocity in status.axes.velocity[:2]) < 0.01
-
-
-def assert_on_the_line(path: Array) -> None:
-    assert path[:, 1] == pytest.approx(0.5 * path[:, 0], abs=0.001)
 
 
 async def test_hold_stands_still_on_the_path_and_resume_ends_where_programmed(machine: Machine) -> None:
@@ -92,38 +78,9 @@ async def test_hold_stands_still_on_the_path_and_resume_ends_where_programmed(ma
     assert np.ptp(rest, axis=0).max() < 1e-4
     assert 5.0 < rest[0, 0] < 390.0
     path = recording.setpoint[:, :2]
-    assert_on_the_line(path)
+    assert path[:, 1] == pytest.approx(0.5 * path[:, 0], abs=0.001)
     assert np.diff(path[:, 0]).min() > -1e-4, "never backwards"
     assert path[-1] == pytest.approx((400.0, 200.0), abs=0.01)
-
-
-async def test_override_scales_the_speed_on_the_path(machine: Machine) -> None:
-    async with moving(machine) as (program, _, recording):
-        await machine.override(50)
-        slow = await until(machine, lambda status: abs(speed(status) - 50.0) < 2.0)
-        assert slow.override == 50.0
-        await machine.override(0)
-        await until(machine, at_rest)
-        await machine.override(200)
-        await until(machine, lambda status: speed(status) > 190.0)
-        await program.finish()
-        await machine.override(100)
-    path = recording.setpoint[:, :2]
-    assert_on_the_line(path)
-    assert path[-1] == pytest.approx((400.0, 200.0), abs=0.01)
-
-
-async def test_abort_stops_on_the_path_and_drops_the_rest(machine: Machine) -> None:
-    async with moving(machine) as (program, _, recording):
-        await program.abort()
-        with pytest.raises(ProgramAborted) as aborted:
-            await program.finish()
-        assert aborted.value.done == 2
-        await until(machine, at_rest)
-    path = recording.setpoint[:, :2]
-    assert_on_the_line(path)
-    assert path[-1, 0] < 390.0
-    assert np.ptp(path[-2:], axis=0).max() < 1e-4
 
 
 async def test_emergency_stop_latches_and_faults_the_program_until_reset(machine: Machine) -> None:
@@ -148,10 +105,3 @@ async def test_emergency_stop_latches_and_faults_the_program_until_reset(machine
             await run(machine, ["G93 F600 G01 X0 Y0"], [0, 1])
         await reset(machine)
         await run(machine, ["G1010", "G93 F60 G01 X0 Y0"], [0, 1])
-
-
-async def test_orders_for_a_program_that_is_not_there_are_refused(machine: Machine, wire: WireClient) -> None:
-    for method in ("hold", "resume", "abort"):
-        with pytest.raises(ErrorAnswer, match="MC503: "):
-            await wire.call(method, program="nowhere")
-    assert (await known(machine, (await run(machine, ["G04 P0"])).program)).state == "finished"

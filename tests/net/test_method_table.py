@@ -62,6 +62,8 @@ def test_everybody_may_look_and_stop_and_nobody_moves_but_who_is_there_for_it() 
     assert {"status", "events", "info", "estop"} <= set(method_names(Role.OBSERVER))
     changing = {method.name for method in METHODS if method.changes}
     assert changing & set(method_names(Role.OBSERVER)) == {"estop"}
+    # a request of these that comes twice acts once
+    assert {"abort", "close", "hold"} <= changing
     moving = {
         "reject",
         "open",
@@ -76,6 +78,7 @@ def test_everybody_may_look_and_stop_and_nobody_moves_but_who_is_there_for_it() 
         "set_table_row",
         "set_output",
     }
+    assert moving <= changing
     assert not moving & set(method_names(Role.AGENT))
     assert moving < set(method_names(Role.OPERATOR)) < set(method_names(Role.ENGINEER))
 
