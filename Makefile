@@ -23,7 +23,7 @@ export PIP_NO_INPUT := 1
 # each process of a test would read every source anew
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: race sdks build-sdks help demo dog test test-clients test-all test-computing test-computing-beside test-clocked test-clocked-alone socketcan socketcan-long faults soak ros-peer fire fuzz schedules laws lint format docs bench pictures clean
+.PHONY: race sdks build-sdks help demo dog test test-clients test-all test-computing test-computing-beside test-clocked test-clocked-alone socketcan socketcan-long faults ros-peer fire fuzz schedules laws lint format docs bench pictures clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 16
@@ -122,9 +122,6 @@ format: $(VENV)/.for-development  ## rewrite the sources in the one format
 
 bench: $(VENV)/.for-development  ## every figure beside a floor measured in the same run (decides no test)
 	@$(BIN)/python -m tests.bench $(ARGS)
-
-soak: $(VENV)/.for-development  ## programs under random faults; make soak ARGS="--minutes 10 --seed 2" (default: 120 minutes)
-	@$(BIN)/python -m tests.bench.soak_faults $(ARGS)
 
 ros-peer:  ## a peer of another make for the tests of `mcserver ros`; needs cargo, takes minutes (tests/e2e/test_ros_peer.py)
 	cargo build --locked --manifest-path tests/ros/peer/Cargo.toml

@@ -13,11 +13,10 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 from tests.bench.figures import Figure, NotAvailable
 from tests.bench.server import free_port
-from tests.bench.telemetry import cpu_seconds
+from tests.bench.telemetry import cpu_seconds, resident_mib
 
 SIZES = (10, 100, 1000)
 STATE_HZ = 1.0
@@ -82,7 +81,7 @@ def _fleet(machines: int, routers: int) -> list[Figure]:
         seen = json.loads(viewer.stdout.readline())
         router_cpu = 100.0 * (cpu_seconds(pids[0]) - before) / 5.0
         viewer.wait(60)
-        router_mib = _resident_mib(pids[0])
+        router_mib = resident_mib(pids[0])
     if seen["found"] < machines or seen["answered"] < machines:
         raise NotAvailable(f"{seen['found']} of {machines} found, {seen['answered']} answered")
     what = f"{machines} machines, {routers} router{'s' if routers > 1 else ''}"
@@ -124,8 +123,3 @@ def _running(command: list[str], *, narrates: bool = False) -> Iterator[int]:
     finally:
         process.terminate()
         process.communicate(timeout=30)
-
-
-def _resident_mib(pid: int) -> float:
-    status = Path(f"/proc/{pid}/status").read_text("ascii")
-    return next(int(line.split()[1]) / 1024.0 for line in status.splitlines() if line.startswith("VmRSS"))

@@ -20,7 +20,7 @@ from mcclient import MotionError, sync
 from tests.bench.figures import Figure, NotAvailable, percentile
 from tests.bench.server import end, free_port, server
 from tests.bench.telemetry import cpu_share
-from tests.e2e.servers import ROOT, environment
+from tests.e2e.servers import ROOT, CommandProcess, environment
 
 VIEWERS = (1, 10, 50)
 FLEETS = (500, 1000)
@@ -100,21 +100,12 @@ def fleet(machines: int) -> Iterator[str]:
 def page(endpoint: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """``mcserver web`` on a free port; its process and its address."""
     with TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "mcserver", "web", "--port", "0", "--connect", endpoint, "--json"]
-        process = subprocess.Popen(
-            [*command, "--programs", str(Path(folder, "programs"))],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            text=True,
-            cwd=ROOT,
-            env=environment(),
-        )
-        assert process.stdout is not None
+        options = ("--port", "0", "--connect", endpoint, "--programs", str(Path(folder, "programs")))
+        command = CommandProcess("web", *options, errors=subprocess.DEVNULL)
         try:
-            yield process, json.loads(process.stdout.readline())["url"]
+            yield command.process, command.url
         finally:
-            end(process)
-            process.stdout.close()
+            command.close()
 
 
 @contextmanager

@@ -19,7 +19,6 @@ from tests.bench.telemetry import AXES, MACHINE, cpu_share
 from tests.e2e.servers import children, command_line
 
 CYCLES_A_CHUNK, CHUNKS = 500, 4
-OFF = "[recorder]\nenabled = false\n"
 RECORDER = "mcserver.recorder.process"
 
 Rows = NDArray[np.float64]
@@ -36,7 +35,7 @@ def measure() -> list[Figure]:
         cpu, written, plain = encoded(motion)
         found.append(Figure(f"CPU, {what}", cpu, "% of a core", None, "", "≤ 5 %"))
         found.append(Figure(f"file, {what}", written, "MB a minute", plain, "uncompressed"))
-    with server(MACHINE + OFF) as reached:
+    with server(MACHINE, recorder=False) as reached:
         alone = late_cycles(reached.endpoint)
     with server(MACHINE) as reached:
         beside = late_cycles(reached.endpoint)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,9 +16,9 @@ import msgspec
 import zenoh
 
 from tests.bench.figures import NotAvailable
+from tests.e2e.servers import START_LIMIT_S, ServerProcess
 
 # on a computer that is busy with other work
-START_LIMIT_S = 180.0
 STOP_LIMIT_S = 60.0
 
 
@@ -27,11 +26,16 @@ STOP_LIMIT_S = 60.0
 class Server:
     """What a client needs to reach it."""
 
-    process: subprocess.Popen[bytes]
-    endpoint: str
-    machine: str
+    process: ServerProcess
     session: zenoh.Session
-    journal: Path
+
+    @property
+    def endpoint(self) -> str:
+        return self.process.endpoint
+
+    @property
+    def machine(self) -> str:
+        return self.process.name
 
     def ask(self, method: str, **request: Any) -> dict[str, Any]:
         """One remote call; the reply as a map."""
@@ -45,36 +49,20 @@ class Server:
 
 
 @contextmanager
-def server(machine_file: str = "", name: str = "bench") -> Iterator[Server]:
+def server(machine_file: str = "", *, recorder: bool = True) -> Iterator[Server]:
     """``mcserver run`` on a free loopback port, with a journal that goes with it."""
     with TemporaryDirectory() as folder:
         machine = "cartesian"
         if machine_file:
             machine = str(Path(folder, "machine.toml"))
             Path(machine).write_text(machine_file, "utf-8")
-        endpoint = f"tcp/127.0.0.1:{free_port()}"
-        command = "from mcserver.cli.app import main; main()"
-        options = [
-            "--machine",
-            machine,
-            "--name",
-            name,
-            "--listen",
-            endpoint,
-            "--journal",
-            f"{folder}/journal.db",
-        ]
-        process = subprocess.Popen(
-            [sys.executable, "-c", command, "run", *options], stderr=subprocess.DEVNULL
-        )
+        process = ServerProcess(Path(folder), machine, "bench", recorder=recorder)
         try:
-            session = zenoh.open(client_config(endpoint))
-            reached = Server(process, endpoint, name, session, Path(folder, "journal.db"))
-            await_answer(reached)
-            yield reached
-            session.close()
+            process.start()
+            with zenoh.open(client_config(process.endpoint)) as session:
+                yield Server(process, session)
         finally:
-            end(process)
+            process.close()
 
 
 @contextmanager
@@ -107,22 +95,6 @@ def end(process: subprocess.Popen[Any]) -> None:
         print(f"  process {process.pid} had to be killed", file=sys.stderr)
         process.kill()
         process.wait()
-
-
-def await_answer(reached: Server) -> None:
-    """Until the server answers.
-
-    Raises:
-        NotAvailable: it ended, or does not answer in time.
-    """
-    until = time.monotonic() + START_LIMIT_S
-    while time.monotonic() < until:
-        if reached.process.poll() is not None:
-            raise NotAvailable(f"mcserver run ended with {reached.process.returncode}")
-        if reached.ask("info"):
-            return
-        time.sleep(0.05)
-    raise NotAvailable(f"mcserver run does not answer within {START_LIMIT_S:.0f} s")
 
 
 def client_config(endpoint: str) -> zenoh.Config:

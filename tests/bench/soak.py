@@ -13,12 +13,13 @@ import contextlib
 import sys
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 from mcclient.machine import Machine
 
 from tests.bench.server import server
+from tests.bench.telemetry import resident_mib
 from tests.bench.wake_up import PERIOD_NS, latencies, start
+from tests.e2e.servers import children, command_line
 
 CHUNK = 50
 
@@ -39,30 +40,13 @@ NAMES = {
 }
 
 
-def _rss_mib(pid: int) -> float:
-    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
-        if line.startswith("VmRSS"):
-            return int(line.split()[1]) / 1024.0
-    return 0.0
-
-
-def _children(pid: int) -> list[int]:
-    found = []
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        with contextlib.suppress(OSError):
-            # the fields after the command's name, which may hold anything: state, parent, …
-            if int(stat.read_text().rpartition(")")[2].split()[1]) == pid:
-                found.append(int(stat.parent.name))
-    return found
-
-
 def _sizes(server: int) -> dict[str, float]:
     """Resident memory of the server and of the processes that it has started [MiB]."""
-    sizes = {"server": _rss_mib(server)}
-    for pid in _children(server):
+    sizes = {"server": resident_mib(server)}
+    for pid in children(server):
         with contextlib.suppress(OSError):
-            module = Path(f"/proc/{pid}/cmdline").read_bytes().decode().rstrip("\0").rpartition("\0")[2]
-            sizes[NAMES.get(module, module)] = _rss_mib(pid)
+            module = command_line(pid).strip().rpartition(" ")[2]
+            sizes[NAMES.get(module, module)] = resident_mib(pid)
     return sizes
 
 
@@ -112,7 +96,7 @@ def main() -> None:
         asyncio.run(_stream(reached.endpoint, chosen.minutes, chosen.rate, reached.process.pid))
         late = sum(each > PERIOD_NS / 1000.0 for each in latencies(floor))
         print(f"late cycles of a loop without work beside it {late}")
-        print(f"journal {reached.journal.stat().st_size / 2**20:.1f} MiB")
+        print(f"journal {reached.process.journal.stat().st_size / 2**20:.1f} MiB")
 
 
 if __name__ == "__main__":

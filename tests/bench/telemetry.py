@@ -43,3 +43,9 @@ def cpu_seconds(process: int) -> float:
     """User and system time since its start (proc(5), fields 14 and 15) [s]."""
     fields = Path(f"/proc/{process}/stat").read_text("ascii").rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def resident_mib(process: int) -> float:
+    """Memory of a process that is not on disk [MiB]."""
+    status = Path(f"/proc/{process}/status").read_text("ascii")
+    return next(int(line.split()[1]) / 1024.0 for line in status.splitlines() if line.startswith("VmRSS"))

@@ -171,7 +171,9 @@ class CommandProcess:
         url: where it is reached, as its first line says.
     """
 
-    def __init__(self, *arguments: str, inside: Sequence[str] = (), errors: IO[str] | None = None) -> None:
+    def __init__(
+        self, *arguments: str, inside: Sequence[str] = (), errors: IO[str] | int | None = None
+    ) -> None:
         self.process = subprocess.Popen(
             [*inside, sys.executable, "-m", "mcserver", *arguments, "--json"],
             stdout=subprocess.PIPE,

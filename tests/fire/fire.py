@@ -47,6 +47,14 @@ class Fault(enum.Enum):
     DISK_STALLED = "the journal's disk stalls for 0.2 to 4 s"
     DISK_STALLED_SERVER_KILLED = "it stalls, and the server is killed in that time and started again"
     EXECUTOR_STOPPED = "executor stopped for 0.05 to 1 s"
+    HELD = "held for 0.2 to 4 s, and resumed"
+    OVERRIDDEN = "override 20, 50 or 150 % for 0.2 to 4 s"
+    ABORTED = "aborted"
+    STOPPED = "emergency stop"
+
+
+ORDERS = (Fault.HELD, Fault.OVERRIDDEN, Fault.ABORTED, Fault.STOPPED)
+FINISHING = (Fault.NOTHING, Fault.HELD, Fault.OVERRIDDEN)
 
 
 class Outcome(msgspec.Struct, frozen=True):
@@ -64,8 +72,8 @@ def burn(
 ) -> Outcome:
     """Run one program under a fault; the server runs before and after."""
     stalls = fault in (Fault.DISK_STALLED, Fault.DISK_STALLED_SERVER_KILLED)
-    # long enough to be met by the stall
-    lines = chance.randrange(1000, 3000) if stalls else chance.randrange(20, 300)
+    # long enough to be met by the stall, or by the order
+    lines = chance.randrange(1000, 3000) if stalls or fault in ORDERS else chance.randrange(20, 300)
     before = _at_rest(link, server)
     earlier = _last_program(server.journal)
     command = [
@@ -107,7 +115,7 @@ def burn(
     wrong = disagreement(said, lines, kept, moved)
     if heard.get(program, 0) > kept.done:
         wrong = wrong or f"its status or events said {heard[program]} lines done, the journal has {kept.done}"
-    if fault is Fault.NOTHING and said["state"] != "finished":
+    if fault in FINISHING and said["state"] != "finished":
         wrong = wrong or f"on a quiet link it ended {said}"
     return Outcome(wrong, str(kept.state), kept.accepted, kept.done, recovery)
 
@@ -148,6 +156,18 @@ def _disturb(
         case Fault.EXECUTOR_STOPPED:
             for pid in server.executors():
                 _pause(pid, chance.uniform(0.05, 1.0))
+        case Fault.HELD:
+            _ask(link, server, "hold")
+            time.sleep(moment)
+            _ask(link, server, "resume")
+        case Fault.OVERRIDDEN:
+            _ask(link, server, f"override={chance.choice((20, 50, 150))}")
+            time.sleep(moment)
+            _ask(link, server, "override=100")
+        case Fault.ABORTED:
+            _ask(link, server, "abort")
+        case Fault.STOPPED:
+            _ask(link, server, "estop")
         case Fault.NOTHING:
             pass
     return False
@@ -201,9 +221,10 @@ import msgspec, zenoh
 from tests.bench.server import client_config
 with zenoh.open(client_config(sys.argv[1])) as session:
     number = time.time_ns() % 2**62
-    for method in sys.argv[3:]:
+    for call in sys.argv[3:]:
+        method, _, percent = call.partition("=")
         number += 1
-        payload = msgspec.msgpack.encode({"request": number})
+        payload = msgspec.msgpack.encode({"request": number} | ({"percent": int(percent)} if percent else {}))
         key = f"mc/@v1/{sys.argv[2]}/@rpc/fire-watch/{method}"
         for reply in session.get(key, payload=payload, timeout=5.0):
             if reply.ok is not None:
@@ -229,9 +250,9 @@ print(json.dumps({"axes": last["axes"]["position"], "state": last["state"], "end
 """
 
 
-def _ask(link: BadLink, server: ServerProcess, *methods: str) -> dict[str, object] | None:
+def _ask(link: BadLink, server: ServerProcess, *calls: str) -> dict[str, object] | None:
     """The state of the machine, behind other calls; None: it does not answer."""
-    command = [*link.inside(1), sys.executable, "-c", _ASK, server.endpoint, server.name, *methods, "status"]
+    command = [*link.inside(1), sys.executable, "-c", _ASK, server.endpoint, server.name, *calls, "status"]
     done = subprocess.run(command, capture_output=True, text=True, env=environment(), cwd=ROOT, check=False)
     found: dict[str, object] | None = json.loads(done.stdout) if done.returncode == 0 else None
     return found
