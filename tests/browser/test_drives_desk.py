@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
-from mcclient import ProgramAborted, sync
+from mcclient import sync
 
 from mcserver.web.users import Role, add_user
 from tests.browser.conftest import (
@@ -128,42 +127,6 @@ def test_a_parameter_is_found_by_words_read_written_within_its_limits_and_stored
     press(page.get_by_role("button", name="Save in the drive"))
     expect(page.get_by_text("the drive has stored its parameters")).to_be_visible()
     expect_no_overflow(page, WIDE["width"])
-
-
-def test_what_moves_and_what_the_cycle_rests_on_is_refused_by_the_code_of_the_command_line(
-    page: Page, site: PageProcess, machine: sync.Machine
-) -> None:
-    desk_of(page, site, "Y")
-    for name, number in (("6040h:00 Controlword", "6040"), ("1017h:00 Producer heartbeat time", "1017h")):
-        search(page, number, name)
-        press(page.get_by_role("button", name=name))
-        before = machine.sdo_read(int(number[:4], 16), axis=1).value
-        written(page, "1")
-        refused(page, "MC559", f"write {name} = 1")
-        assert machine.sdo_read(int(number[:4], 16), axis=1).value == before or number == "6040"
-
-
-def test_nothing_is_written_while_the_axis_is_energized_and_moves(
-    page: Page, site: PageProcess, machine: sync.Machine
-) -> None:
-    desk_of(page, site, "Y")
-    search(page, "max torque", "6072h:00 Max torque")
-    press(page.get_by_role("button", name="6072h:00 Max torque"))
-    before = machine.sdo_read(0x6072, axis=1).value
-    with contextlib.suppress(ProgramAborted), machine.program("moves") as program:
-        for line in ("G1010 P1", "G01 Y30 F30"):
-            program.send(line)
-        expect(page.get_by_role("status").first).to_have_text("running")
-        for name, act in (
-            ("write 6072h:00 Max torque = 7", lambda: written(page, "7")),
-            ("save the drive", lambda: press(page.get_by_role("button", name="Save in the drive"))),
-        ):
-            act()
-            refused(page, "MC559", name, "nothing is written to an energized drive")
-        program.abort()
-    assert machine.sdo_read(0x6072, axis=1).value == before
-    with machine.program("ends") as program:
-        program.send("G1001 P1")
 
 
 def test_two_thousand_objects_are_searched_and_a_name_is_never_markup(page: Page, site: PageProcess) -> None:

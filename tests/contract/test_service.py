@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,19 +10,13 @@ import pytest
 from mcserver.errors import Refused
 from mcserver.service.program_options import ProgramOptions
 from tests.contract.vectors import read
-from tests.service.conftest import Bench
+from tests.service.conftest import Bench, bench
+
+__all__ = ["bench"]
 
 CLIENT = "contract-1"
 # what needs neither a planner's verdict nor less credit than the service gives
 PLAIN = ["numbering", "chunks", "message-lost", "lost-in-part", "gap", "start-line", "old-acknowledgement"]
-
-
-@pytest.fixture
-async def bench(tmp_path: Path) -> AsyncIterator[Bench]:
-    made = Bench(tmp_path / "journal.db")
-    made.service.start()
-    yield made
-    await made.service.stop()
 
 
 async def submit(bench: Bench, program: str, message: dict[str, Any]) -> dict[str, Any]:

@@ -152,17 +152,6 @@ def test_in_a_feed_hold_the_tip_stands_on_the_piece_that_goes_on() -> None:
     assert np.ptp(cell.tip(cell.rows)[0][1700:1990, 1]) > 25.0 * MM
 
 
-def test_an_abort_leaves_the_arm_at_rest_within_its_limits() -> None:
-    cell = Worker(MACHINE, f"{begun()}{shape()}G1061\nM2").play({1300: abort})
-    assert cell.faults == []
-    assert cell.broken() == []
-    assert cell.engaged == ()
-    assert not np.diff(np.array(cell.rows)[-2:, :6], axis=0).any()
-    shaper = cell.executor.executor.bank.shaper
-    assert shaper is not None
-    assert not shaper.added.any()
-
-
 @under_orders(2200, ends_from=500)
 def test_whatever_is_ordered_limits_are_kept_and_a_stop_leaves_the_arm_at_rest(
     orders: dict[int, Callable[[Coupled], None]], at: int, end: Callable[[Coupled], None]
@@ -174,6 +163,9 @@ def test_whatever_is_ordered_limits_are_kept_and_a_stop_leaves_the_arm_at_rest(
     if end is abort:
         assert cell.faults == []
         assert not np.diff(np.array(cell.rows)[-2:, :6], axis=0).any()
+        shaper = cell.executor.executor.bank.shaper
+        assert shaper is not None
+        assert not shaper.added.any()
 
 
 @LAW

@@ -83,12 +83,6 @@ def test_a_refusal_has_a_status_and_a_code(
     assert (answered, answer["code"]) == (status, code)
 
 
-def test_the_emergency_stop_is_confirmed(gateway: GatewayProcess, tokens: Tokens) -> None:
-    assert ask(gateway, "/v1/machines/cell/estop", tokens[1]["observer"], {"reason": "test"})[0] == 200
-    assert ask(gateway, "/v1/machines/cell/status", tokens[1]["observer"])[1]["state"] == "estop"
-    assert ask(gateway, "/v1/machines/cell/reset", tokens[1]["operator"], {})[0] == 200
-
-
 def test_every_method_is_a_route_that_openapi_describes(gateway: GatewayProcess, tokens: Tokens) -> None:
     described = ask(gateway, "/openapi.json", tokens[1]["observer"])[1]
     routes = {path.rpartition("/")[2]: each for path, each in described["paths"].items()}

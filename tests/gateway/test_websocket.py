@@ -98,18 +98,6 @@ async def test_a_program_runs_and_its_acknowledgements_come(client: Client) -> N
     assert ended["done"] == 3
 
 
-async def test_a_faulty_line_is_refused_with_its_column(client: Client) -> None:
-    program = (await client.call("open"))["program"]
-    await client.ask("subscribe", machine="cell", topic=f"ack/{program}")
-    reply = await client.ask(
-        "call", machine="cell", method="submit", params={"program": program, "first": 1, "lines": ["G01 Q5"]}
-    )
-    # in the answer where the planner had the line within 50 ms, in an acknowledgement where it had not
-    refusal = await client.message(lambda ack: ack.get("rejected")) if reply["ok"] else reply["error"]
-    assert refusal["diagnostics"][0]["column"] == 5
-    await client.call("abort", program=program)
-
-
 async def test_telemetry_comes_as_it_is_on_the_key_space(client: Client) -> None:
     await client.ask("subscribe", machine="cell", topic="state")
     state = await client.message(lambda message: isinstance(message, dict) and "axes" in message)

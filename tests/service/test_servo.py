@@ -19,20 +19,11 @@ from mcserver.service.program_options import ProgramOptions
 from mcserver.service.servo import close_targets, open_servo, put_targets
 from mcserver.service.target_stream import TargetMessage
 from tests.kinematics import arm7
+from tests.machine_text import axes_text
 from tests.service.virtual_cell import VirtualCell
 
-AXIS = """[[axis]]
-index = {index}
-type = "linear"
-max_velocity = 200.0
-max_acceleration = 2000.0
-max_jerk = 40000.0
-min_position = -10.0
-max_position = 500.0
-[axis.drive]
-kind = "ideal"
-"""
-ARM = '[machine]\nname = "arm"\n' + "".join(AXIS.format(index=index) for index in range(3))
+TRAVEL = "max_jerk = 40000.0\nmin_position = -10.0\nmax_position = 500.0"
+ARM = f'[machine]\nname = "arm"\n{axes_text(range(3), keys=TRAVEL)}'
 
 
 def machine() -> Machine:
@@ -121,38 +112,6 @@ async def test_a_client_that_is_gone_stops_at_once(cell: VirtualCell) -> None:
     await streamer.stream([0.4], 0.3)
     cell.service.absences.gone("policy")
     assert (await cell.ended(streamer.program)).state == "aborted"
-
-
-async def test_hold_and_resume_are_those_of_a_program(cell: VirtualCell) -> None:
-    streamer = await opened(cell, [0])
-    await streamer.stream([0.4], 0.2)
-    cell.service.hold(None)
-    await streamer.stream([0.4], 0.5)
-    held = cell.position(0)
-    await streamer.stream([0.4], 0.2)
-    assert cell.position(0) == held
-    cell.service.resume(None)
-    await streamer.stream([0.4], 4.0)
-    assert cell.position(0) == pytest.approx(0.4)
-
-
-async def test_an_emergency_stop_ends_it_and_latches(cell: VirtualCell) -> None:
-    streamer = await opened(cell, [0])
-    await streamer.stream([0.4], 0.2)
-    cell.service.latch.emergency_stop("page", "")
-    program = await cell.ended(streamer.program)
-    assert program.state == "faulted"
-    with pytest.raises(Refused, match="MC509: "):
-        await opened(cell, [0])
-
-
-async def test_an_override_slows_it_down(cell: VirtualCell) -> None:
-    streamer = await opened(cell, [0])
-    cell.service.set_override(0.1, streamer.program.program)
-    before, begun = cell.position(0), cell.service.port.snapshot().time
-    await streamer.stream([0.4], 1.0)
-    passed = cell.service.port.snapshot().time - begun
-    assert 0.0 < cell.position(0) - before <= 0.1 * 0.2 * passed + 1e-9
 
 
 async def test_an_axis_that_holds_a_speed_comes_to_rest_before_it_follows(cell: VirtualCell) -> None:

@@ -52,20 +52,6 @@ def test_a_trigger_keeps_what_was_before_it_wherever_messages_are_cut(split: int
     assert made.zero_s == pytest.approx(0.005)
 
 
-def test_a_level_that_is_met_already_is_no_edge() -> None:
-    made = scope(trigger=Trigger(ERROR, 0.5, above=True))
-    made.take(block(0, [0.9, 0.9, 0.9]))
-    assert not made.triggered
-    made.take(block(3, [0.1, 0.9]))
-    assert made.triggered
-
-
-def test_a_trigger_below_fires_at_the_falling_edge() -> None:
-    made = scope(before=0, trigger=Trigger(ERROR, -0.5, above=False))
-    made.take(block(0, [0.0, -0.4, -0.6, -0.7]))
-    assert made.trace().values[:, ERROR] == pytest.approx([-0.6, -0.7])
-
-
 def test_cycles_that_are_lost_are_gaps_and_counted_and_fill_no_memory() -> None:
     made = scope(cycles=8)
     made.take(block(0, [1.0, 2.0]))
