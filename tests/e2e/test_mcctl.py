@@ -26,15 +26,6 @@ def written(folder: Path, text: str) -> str:
     return str(path)
 
 
-def test_run_ends_with_0_and_narrates_on_standard_error(
-    mcctl: Mcctl, target: tuple[str, ...], tmp_path: Path
-) -> None:
-    file = written(tmp_path, "G1010\nG94 F30000\nG01 X20 Y10\nG01 X0\n")
-    done = mcctl("run", file, *target)
-    assert (done.returncode, done.stdout) == (0, ""), done.stderr
-    assert "part.gcode: finished, 4 lines" in done.stderr
-
-
 def test_run_records_the_path_really_taken(mcctl: Mcctl, target: tuple[str, ...], tmp_path: Path) -> None:
     file = written(tmp_path, "G1010\nG00 X0 Y0\nG94 F12000\nG02 X20 Y20 R20\n")
     done = mcctl("run", file, *target, "--record", str(tmp_path / "out.npz"), "--axes", "0-1")
@@ -57,12 +48,6 @@ def test_a_rejected_program_ends_with_4_and_points_at_the_fault(
     (caret,) = [line for line in done.stderr.splitlines() if "^^^" in line]
     (text,) = [line for line in done.stderr.splitlines() if "G02 X100 Y0 R30" in line]
     assert caret.index("^") == text.index("R30")
-
-
-def test_orders_of_the_operator_end_with_0(mcctl: Mcctl, target: tuple[str, ...]) -> None:
-    for arguments in (("override", "100"), ("abort",)):
-        done = mcctl(*arguments, *target)
-        assert done.returncode == 0, (arguments, done.stderr)
 
 
 def test_zero_is_not_set_behind_a_program_that_has_the_axes(

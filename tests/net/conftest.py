@@ -8,11 +8,14 @@ from pathlib import Path
 
 import pytest
 
+from mcserver.canopen.booted_drives import CanDrives
+from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.net.configuration import NetworkOptions
 from mcserver.net.publishing import PublishingThread
 from mcserver.net.replies import ReplySender
 from mcserver.server import ServerOptions, running
 from mcserver.service.service import MachineService
+from tests.net.approval_site import MILL, Site
 from tests.net.client import WireClient
 from tests.service.fakes import FakePipelines, FakePort, three_axes
 
@@ -33,15 +36,17 @@ class Rig:
 
 
 @asynccontextmanager
-async def running_rig(folder: Path) -> AsyncIterator[Rig]:
+async def running_rig(
+    folder: Path, drives: CanDrives | None = None, machine: Machine | None = None
+) -> AsyncIterator[Rig]:
     """A server with its journal in a folder."""
-    machine = three_axes()
+    machine = machine or three_axes()
     port = FakePort(machine)
     pipelines = FakePipelines(port)
     options = ServerOptions(
         network=NetworkOptions(listen=("tcp/127.0.0.1:0",)), journal=folder / "journal.db"
     )
-    async with running(machine, options, port, pipelines) as (service, face):
+    async with running(machine, options, port, pipelines, drives) as (service, face):
         made = Rig(service, port, pipelines, (await face.endpoints())[0])
         made.replies, made.publishing = face._replies, face._publishing
         yield made
@@ -58,3 +63,11 @@ async def client(rig: Rig) -> AsyncIterator[WireClient]:
     made = WireClient(rig.endpoint, "bench")
     yield made
     await made.close()
+
+
+@pytest.fixture
+async def site(tmp_path: Path) -> AsyncIterator[Site]:
+    """A mill, an agent, and a person who arms."""
+    made = Site(parse_machine(MILL), tmp_path)
+    yield made
+    await made.cell.stop()

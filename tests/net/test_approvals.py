@@ -5,7 +5,6 @@ Real planning and a real executor on a virtual clock; nothing is faked but time.
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
@@ -22,13 +21,6 @@ from mcserver.service.homing import HomingService
 from mcserver.service.program_options import ProgramOptions
 from mcserver.simulation.preview import Preview
 from tests.net.approval_site import ANNA, BOT, MILL, SHIFT, TEXT, Site
-
-
-@pytest.fixture
-async def site(tmp_path: Path) -> AsyncIterator[Site]:
-    made = Site(parse_machine(MILL), tmp_path)
-    yield made
-    await made.cell.stop()
 
 
 async def test_a_run_that_was_armed_stays_as_it_was_shown(site: Site) -> None:

@@ -4,29 +4,21 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import AsyncIterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mcserver.errors import ServiceError
-from mcserver.machine.machine_file import load_machine, parse_machine
+from mcserver.machine.machine_file import load_machine
 from mcserver.net import arming_messages as wire
 from mcserver.net.servo_messages import ServoRequest
 from mcserver.service.program import Program
 from mcserver.service.servo import put_targets
 from mcserver.service.target_stream import TargetMessage
-from tests.net.approval_site import ANNA, BOT, MILL, TEXT, Site
+from tests.net.approval_site import ANNA, BOT, TEXT, Site
 
 PERIOD_S = 0.01
-
-
-@pytest.fixture
-async def site(tmp_path: Path) -> AsyncIterator[Site]:
-    made = Site(parse_machine(MILL), tmp_path)
-    yield made
-    await made.cell.stop()
 
 
 async def approved(site: Site, text: str = TEXT, override: float = 100.0, *, servo: bool = True) -> str:

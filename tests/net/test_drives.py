@@ -30,11 +30,8 @@ from mcserver.canopen.views import (
     TunedLoop,
     Value,
 )
-from mcserver.net.configuration import NetworkOptions
-from mcserver.server import ServerOptions, running
-from mcserver.service.service import MachineService
 from tests.net.client import ErrorAnswer, WireClient
-from tests.service.fakes import FakePipelines, FakePort, three_axes
+from tests.net.conftest import Rig, running_rig
 
 
 class AnsweringDrives:
@@ -96,26 +93,17 @@ def answering() -> AnsweringDrives:
 
 
 @pytest.fixture
-async def served(
-    answering: AnsweringDrives, tmp_path: Path
-) -> AsyncIterator[tuple[MachineService, CanDrives, str]]:
-    machine = three_axes()
-    options = ServerOptions(
-        network=NetworkOptions(listen=("tcp/127.0.0.1:0",)), journal=tmp_path / "journal.db"
-    )
-    drives = CanDrives(asyncio.get_running_loop())
-    drives.access = answering
-    drives.on_event(CanopenEvent("drive.lost", "before the service was there", 1, "MC557"))
-    port = FakePort(machine)
-    async with running(machine, options, port, FakePipelines(port), drives) as (service, face):
-        yield service, drives, (await face.endpoints())[0]
+async def drives(answering: AnsweringDrives) -> CanDrives:
+    made = CanDrives(asyncio.get_running_loop())
+    made.access = answering
+    made.on_event(CanopenEvent("drive.lost", "before the service was there", 1, "MC557"))
+    return made
 
 
 @pytest.fixture
-async def client(served: tuple[MachineService, CanDrives, str]) -> AsyncIterator[WireClient]:
-    made = WireClient(served[2], "bench")
-    yield made
-    await made.close()
+async def rig(drives: CanDrives, tmp_path: Path) -> AsyncIterator[Rig]:
+    async with running_rig(tmp_path, drives) as made:
+        yield made
 
 
 async def test_drives_are_reported_with_all_that_is_known(client: WireClient) -> None:
@@ -199,11 +187,11 @@ async def test_a_drive_s_abort_code_is_in_the_details(client: WireClient) -> Non
 
 
 async def test_events_of_drives_are_published_those_before_the_start_too(
-    client: WireClient, served: tuple[MachineService, CanDrives, str]
+    client: WireClient, drives: CanDrives
 ) -> None:
     events = client.subscribe("event")
     await client.call("status")
-    served[1].on_event(CanopenEvent("drive.emergency", "8611h following error", 1, "MC556"))
+    drives.on_event(CanopenEvent("drive.emergency", "8611h following error", 1, "MC556"))
     event = await events.first(lambda event: event["kind"] == "drive.emergency")
     assert (event["axis"], event["reason"], event["message"]) == (1, "MC556", "8611h following error")
     kept = (await client.call("events"))["events"]
@@ -211,13 +199,8 @@ async def test_events_of_drives_are_published_those_before_the_start_too(
 
 
 async def test_a_machine_without_can_has_no_such_drives(tmp_path: Path) -> None:
-    machine = three_axes()
-    options = ServerOptions(
-        network=NetworkOptions(listen=("tcp/127.0.0.1:0",)), journal=tmp_path / "journal.db"
-    )
-    port = FakePort(machine)
-    async with running(machine, options, port, FakePipelines(port)) as (_, face):
-        client = WireClient((await face.endpoints())[0], "bench")
+    async with running_rig(tmp_path) as rig:
+        client = WireClient(rig.endpoint, "bench")
         try:
             assert (await client.call("drives"))["drives"] == []
             with pytest.raises(ErrorAnswer) as refused:

@@ -9,11 +9,10 @@ import pytest
 
 from mcserver.machine.machine_file import load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
-from mcserver.net.configuration import NetworkOptions
 from mcserver.net.status import EdgeUnits
-from mcserver.server import ServerOptions, running
 from tests.net.client import WireClient
-from tests.service.fakes import FakePipelines, FakePort, three_axes
+from tests.net.conftest import running_rig
+from tests.service.fakes import three_axes
 
 
 def test_the_feet_of_the_dog_stand_where_its_drives_start() -> None:
@@ -33,13 +32,9 @@ async def test_status_and_state_tell_the_tools_poses_at_the_encoders_readings(tm
     machine = load_machine("arm6")
     kinematics = build_kinematics(machine)
     assert kinematics is not None
-    options = ServerOptions(
-        network=NetworkOptions(listen=("tcp/127.0.0.1:0",)), journal=tmp_path / "journal.db"
-    )
-    port = FakePort(machine)
-    expected = kinematics.pose(1, dict(enumerate(port.snapshot().position)))
-    async with running(machine, options, port, FakePipelines(port)) as (_, face):
-        client = WireClient((await face.endpoints())[0], "arm6")
+    async with running_rig(tmp_path, machine=machine) as rig:
+        expected = kinematics.pose(1, dict(enumerate(rig.port.snapshot().position)))
+        client = WireClient(rig.endpoint, "arm6")
         try:
             states = client.subscribe("tele/state")
             status, state = await client.call("status"), await states.first()

@@ -42,33 +42,10 @@ async def test_a_line_that_needs_no_time_is_done_without_motion(bench: Bench) ->
     assert (await bench.until_acked(program.program, done=1)).accepted == 1
 
 
-async def test_a_repeated_line_is_acknowledged_and_not_executed_again(bench: Bench) -> None:
-    program = await bench.opened("move", "move")
-    again = await bench.service.lines.submit("hmi", program.program, 1, ["move", "move", "move"])
-    assert again.journaled == 3
-    await bench.until_acked(program.program, done=3)
-    assert executed_lines(bench.pipelines, program.program) == [1, 2, 3]
-
-
-async def test_a_gap_is_refused_with_the_number_expected(bench: Bench) -> None:
-    program = await bench.opened("move")
-    with pytest.raises(ServiceError, match="line 2 is the next one expected") as refused:
-        await bench.service.lines.submit("hmi", program.program, 5, ["move"])
-    assert refused.value.code == "MC505"
-
-
 async def test_a_streamed_gap_is_answered_by_an_acknowledgement(bench: Bench) -> None:
     program = await bench.service.open("hmi")
     bench.service.lines.stream(program.program, 3, ["move"])
     await bench.until(lambda: any(ack.expected == 1 for ack in bench.acks))
-
-
-async def test_streamed_lines_are_acknowledged_once_journaled(bench: Bench) -> None:
-    program = await bench.service.open("hmi")
-    for first in range(1, 1001, 100):
-        bench.service.lines.stream(program.program, first, ["move"] * 100)
-    await bench.until_acked(program.program, accepted=1000, done=1000)
-    assert executed_lines(bench.pipelines, program.program) == list(range(1, 1001))
 
 
 async def test_a_faulty_line_can_be_sent_again_mended(bench: Bench) -> None:
