@@ -45,7 +45,7 @@ def test_a_program_goes_on_by_the_page_after_the_server_was_killed(
             "down: Z to -5.000 mm, slowly",
         ]
     )
-    expect(dialog).to_contain_text("G01 X300 F600")
+    expect(dialog).to_contain_text("G01 X160 F600")
     dialog.get_by_role("button", name="Go on at line 6").click()
     expect(page.get_by_text(re.compile("^part.nc is finished after"))).to_be_visible()
     expect(card).to_be_hidden()

@@ -10,7 +10,7 @@ import pytest
 
 from mcserver.machine.machine_file import Machine
 from tests.clearance.cells import Start
-from tests.service.virtual_cell import VirtualCell
+from tests.service.virtual_cell import TURN_S, VirtualCell
 
 log = logging.getLogger(__name__)
 
@@ -19,8 +19,8 @@ log = logging.getLogger(__name__)
 async def start(tmp_path: Path) -> AsyncIterator[Start]:
     cells: list[VirtualCell] = []
 
-    def started(machine: Machine, cycles_a_turn: int = 50) -> VirtualCell:
-        cells.append(VirtualCell(machine, tmp_path, cycles_a_turn=cycles_a_turn))
+    def started(machine: Machine, turn_s: float = TURN_S) -> VirtualCell:
+        cells.append(VirtualCell(machine, tmp_path, turn_s=turn_s))
         return cells[-1]
 
     yield started

@@ -322,7 +322,7 @@ async def test_of_two_programs_that_wait_for_each_other_the_later_ends_and_says_
 async def test_one_that_was_held_shortly_before_where_it_waits_ends_when_both_wait_for_each_other(
     start: Start, left: int
 ) -> None:
-    cell = start(parse_machine("\n".join((MILL, SHARED, ARM_OF_THE_RAM))), cycles_a_turn=1)
+    cell = start(parse_machine("\n".join((MILL, SHARED, ARM_OF_THE_RAM))), turn_s=0.001)
     below = await cell.begin("G1010 P1", "G1 Y85 F12000", "G1 Y95 F300", "G1 Y200 F300", axes=[1])
     across = await cell.begin("G1010 P0", "G1 X200 F12000", axes=[0])
     await cell.until(lambda: bool(said_of(cell, below)))

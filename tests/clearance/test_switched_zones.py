@@ -54,7 +54,7 @@ async def rests(cell: VirtualCell) -> None:
 async def test_a_program_is_held_before_a_zone_that_is_switched_on_and_goes_on_by_resume(
     start: Start, lines: tuple[str, ...]
 ) -> None:
-    cell = start(mill(CURTAIN), cycles_a_turn=2)
+    cell = start(mill(CURTAIN), turn_s=0.002)
     program = await cell.begin("G1010", *lines)
     await cell.until(lambda: place(cell, 0) > 20.0)
     await switch(cell, on=True)
@@ -74,7 +74,7 @@ async def test_a_program_is_held_before_a_zone_that_is_switched_on_and_goes_on_b
 
 
 async def test_a_program_that_stays_out_of_the_zone_goes_on(start: Start) -> None:
-    cell = start(mill(CURTAIN), cycles_a_turn=2)
+    cell = start(mill(CURTAIN), turn_s=0.002)
     program = await cell.begin("G1010", "G1 X70 F6000", "G0 X0 Y50", "G1 Y0")
     await cell.until(lambda: place(cell, 0) > 20.0)
     await switch(cell, on=True)
@@ -83,7 +83,7 @@ async def test_a_program_that_stays_out_of_the_zone_goes_on(start: Start) -> Non
 
 
 async def test_what_begins_after_a_start_with_the_zone_on_is_held_before_it(start: Start) -> None:
-    cell = start(mill(CURTAIN.replace("initial = true", "initial = false")), cycles_a_turn=2)
+    cell = start(mill(CURTAIN.replace("initial = true", "initial = false")), turn_s=0.002)
     program = await cell.begin("G1010", "G1 X120 F6000", "G1 X200")
     await cell.until(lambda: program.state == "held")
     await rests(cell)
@@ -96,7 +96,7 @@ async def test_what_begins_after_a_start_with_the_zone_on_is_held_before_it(star
 async def test_a_body_that_is_inside_as_the_zone_is_switched_on_is_a_fault_and_a_jog_leads_out(
     start: Start,
 ) -> None:
-    cell = start(mill(CURTAIN), cycles_a_turn=2)
+    cell = start(mill(CURTAIN), turn_s=0.002)
     program = await cell.begin("G1010", "G1 X120 F6000", "G1 Y100 F1200", "G1 X200")
     await cell.until(lambda: place(cell, 1) > 20.0)
     await switch(cell, on=True)
@@ -122,7 +122,7 @@ async def test_a_body_that_is_inside_as_the_zone_is_switched_on_is_a_fault_and_a
 
 
 async def test_who_stands_in_the_zone_is_held_once_it_would_move(start: Start) -> None:
-    cell = start(mill(CURTAIN), cycles_a_turn=2)
+    cell = start(mill(CURTAIN), turn_s=0.002)
     program = await cell.begin("G1010", "G1 X120 F6000", "M0", "G1 X0")
     await cell.until(lambda: program.state == "paused")
     await switch(cell, on=True)
@@ -136,7 +136,7 @@ async def test_who_stands_in_the_zone_is_held_once_it_would_move(start: Start) -
 
 async def test_who_waits_in_the_zone_is_held_there_and_is_no_fault(start: Start) -> None:
     button = '[[input]]\nnumber = 4\nname = "button"\n'
-    cell = start(mill(CURTAIN, button), cycles_a_turn=2)
+    cell = start(mill(CURTAIN, button), turn_s=0.002)
     program = await cell.begin("G1010", "G1 X120 F6000", "M66 P4 L3 Q60", "G1 X0")
     await cell.until(lambda: place(cell, 0) > 119.9)
     await rests(cell)
@@ -153,7 +153,7 @@ async def test_who_waits_in_the_zone_is_held_there_and_is_no_fault(start: Start)
 async def test_axes_that_another_program_brings_together_are_held_with_it(start: Start) -> None:
     # only X beyond 79 and Z below 60 are in the zone
     low = CURTAIN.replace("400.0, 400.0]", "400.0, 60.0]").replace("0.0, 100.0]", "0.0, 30.0]")
-    cell = start(mill(low), cycles_a_turn=2)
+    cell = start(mill(low), turn_s=0.002)
     one = await cell.begin("G1010 P0", "G1 X120 F3000", axes=[0])
     await cell.until(lambda: place(cell, 0) > 5.0)
     other = await cell.begin("G1010 P2", "G1 Z20 F12000", axes=[2])
@@ -166,7 +166,7 @@ async def test_axes_that_another_program_brings_together_are_held_with_it(start:
 
 
 async def test_motion_without_a_program_ends_before_the_zone(start: Start) -> None:
-    cell = start(mill(CURTAIN), cycles_a_turn=2)
+    cell = start(mill(CURTAIN), turn_s=0.002)
     assert (await cell.run("G1010", "G1020 X120")).state == "finished"
     await switch(cell, on=True)
     await rests(cell)
@@ -199,7 +199,7 @@ async def test_an_input_that_flickers_every_cycle_holds_unless_it_is_debounced(
 
 async def test_a_slow_zone_that_is_switched_on_holds_what_is_too_fast(start: Start) -> None:
     slow = CURTAIN.replace('active = "low"', 'active = "low"\nkind = "slow"\nmax_speed_mm_s = 50.0')
-    cell = start(mill(slow), cycles_a_turn=2)
+    cell = start(mill(slow), turn_s=0.002)
     program = await cell.begin("G1010", "G1 X120 F3000", "G1 X0", "G1 X120 F6000")
     await switch(cell, on=True)
     await cell.until(lambda: program.state == "held")
@@ -214,7 +214,7 @@ async def test_a_slow_zone_that_is_switched_on_holds_what_is_too_fast(start: Sta
 async def test_while_the_zone_is_on_no_body_that_was_outside_comes_in(start: Start, seed: int) -> None:
     draw = random.Random(seed)
     machine = mill(CURTAIN)
-    cell = start(machine, cycles_a_turn=20)
+    cell = start(machine, turn_s=0.02)
     lines = ["G1010"]
     for _ in range(8):
         word = draw.choice(("G0", "G1 F9000", "G1 F3000"))
@@ -270,7 +270,7 @@ def test_a_mistake_is_named_with_its_place(old: str, new: str, message: str) -> 
 
 async def test_a_thread_into_a_zone_that_an_input_switches_is_refused(start: Start) -> None:
     spindle = axes_text((3,), rotary=True, velocity=20000.0, acceleration=40000.0)
-    cell = start(mill('[dialect]\nprofile = "cnc"\nspindle_axis = 3', spindle, CURTAIN), cycles_a_turn=2)
+    cell = start(mill('[dialect]\nprofile = "cnc"\nspindle_axis = 3', spindle, CURTAIN), turn_s=0.002)
     program = await cell.begin("S600 M3", "G33 X70 K5", "G33 X120 K5")
     assert fault_of(await cell.ended(program)) == ("MC321", 3)
     assert place(cell, 0) == pytest.approx(70.0, abs=0.01)

@@ -16,7 +16,7 @@ LIMIT_S = 120.0
 RECOVERY = "[recovery]\nsafe_axis = 2\nsafe_position = 40.0\napproach_velocity = 100.0\n"
 PART = [
     *["G1010", "G94 F6000", "G00 Z10", "G00 X100 Y40", "G01 Z-5"],
-    *["G01 X300 F600", "G01 X320 F6000", "G00 Z10"],
+    *["G01 X160 F600", "G01 X320 F6000", "G00 Z10"],
 ]
 
 

@@ -31,7 +31,7 @@ def test_mcctl_shows_the_way_and_goes_on(server: ServerProcess, mcctl: Mcctl) ->
     assert answer["way"][0] == "lift: Z to 40.000 mm, slowly"
     done = mcctl("continue", *target)
     assert (done.returncode, done.stdout) == (0, "mill: finished, lines through 8 are done\n"), done.stderr
-    assert ">     6 | G01 X300 F600" in done.stderr
+    assert ">     6 | G01 X160 F600" in done.stderr
     stands_at_the_end(server)
     again = mcctl("continue", *target)
     assert again.returncode != 0

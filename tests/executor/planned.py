@@ -22,7 +22,7 @@ class Planned(Watched):
         start: where the planner begins; None: as the machine does. slot: what `open_slot` takes besides.
 
     Attributes:
-        rows, actuals: setpoints and encoder readings of each cycle, shape (K,) each.
+        rows, actuals: setpoints and encoder readings of each cycle, shape (K,) each. ended: the program has.
     """
 
     def __init__(
@@ -39,6 +39,7 @@ class Planned(Watched):
         self.rows: list[Array] = []
         self.actuals: list[Array] = []
         self.events = []
+        self.ended = False
         self.executor = VirtualExecutor(made, recorder=self._record, homed=homed)
         self.sink = self.executor.open_slot(0, **slot)
         self.pipeline = Pipeline(made, self.sink, start=start or StartState.of(made), kinematics=kinematics)
@@ -57,6 +58,7 @@ class Planned(Watched):
             for event in self.executor.events():
                 self.pipeline.on_event(event)
                 self.events.append(event)
+                self.ended |= event.kind in (EventKind.FINISHED, EventKind.STOPPED)
 
     def run(self, script: Callable[[int], None] = lambda _: None, limit: int = 120_000) -> Self:
         """To the program's end; ``script`` is called with each cycle's number before it."""
@@ -66,7 +68,3 @@ class Planned(Watched):
             if self.ended:
                 return self
         raise AssertionError(f"no end: {self.events[-5:]}")
-
-    @property
-    def ended(self) -> bool:
-        return any(each.kind in (EventKind.FINISHED, EventKind.STOPPED) for each in self.events)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import TYPE_CHECKING, cast
 
 import msgspec
@@ -96,6 +97,7 @@ class Bed(Planned):
     def go_on(self, text: str) -> None:
         """Run another program to its end."""
         self.events.clear()
+        self.ended = False
         row = self.executor.executor.row.ordered
         places = {axis.index: float(at) for axis, at in zip(self.machine.axes, row, strict=True)}
         self.sink = self.executor.open_slot(0)
@@ -451,6 +453,16 @@ def test_a_machine_that_is_no_printer_or_has_no_probe_cannot_have_them() -> None
             parse_machine(text_of(FILE, "input = 4", "ideal").replace(one, other))
 
 
+@cache
+def reports_behind(text: str) -> AxisReports:
+    """What a server knows of the mesh behind a program, or where none has run."""
+    made = printer()
+    reports = AxisReports(made.axes, cast("References", None), cast("EventLog", None))
+    for event in Bed(made, text).run().of(EventKind.MESHED) if text else []:
+        assert reports.handle(event, None)
+    return reports
+
+
 @pytest.mark.parametrize(
     ("begins", "now", "line", "refused"),
     [
@@ -472,11 +484,7 @@ def test_a_start_behind_a_line_where_another_mesh_counted_is_refused(
     made = printer()
 
     def held(text: str) -> StartState:
-        reports = AxisReports(made.axes, cast("References", None), cast("EventLog", None))
-        run = Bed(made, text).run() if text else None
-        for event in [] if run is None else run.of(EventKind.MESHED):
-            assert reports.handle(event, None)
-        return msgspec.structs.replace(StartState.of(made), mesh=reports.mesh)
+        return msgspec.structs.replace(StartState.of(made), mesh=reports_behind(text).mesh)
 
     state = state_before([*HEAD.split("\n")[:3], line, "G1 X9"], 5, made, held(begins))
     approach = plan_approach(made, state, held(now), [0, 1, 2])
@@ -494,8 +502,4 @@ def test_a_start_behind_a_line_where_another_mesh_counted_is_refused(
     ],
 )
 def test_status_says_which_mesh_counts(text: str, said: str) -> None:
-    made = printer()
-    reports = AxisReports(made.axes, cast("References", None), cast("EventLog", None))
-    for event in Bed(made, text).run().of(EventKind.MESHED) if text else []:
-        assert reports.handle(event, None)
-    assert reports.bed_mesh == said
+    assert reports_behind(text).bed_mesh == said

@@ -142,7 +142,7 @@ def test_setpoints_keep_every_velocity_and_acceleration_limit(golden: Golden) ->
     assert_keeps(recording.setpoint * unit, limits_of(machine)[:2], machine.cycle_s)
 
 
-def test_the_recording_is_uniform_and_ends_at_rest(golden: Golden) -> None:
+def test_the_recording_is_uniform(golden: Golden) -> None:
     machine, simulation, _ = golden
     recording = simulation.recording
     if recording is None or len(recording.time_s) < 2:

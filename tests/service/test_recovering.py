@@ -50,7 +50,7 @@ def machine(more: str = "", start: Sequence[float] = (0.0, 0.0, 0.0)) -> Machine
     axes = "".join(
         axes_text([index], keys=keys, drive_keys=f"initial_position = {at}") for index, at in enumerate(start)
     )
-    return parse_machine(f'[machine]\nname = "mill"\n{axes}{more}')
+    return parse_machine(f'[machine]\nname = "mill"\ncycle_hz = 500\n{axes}{more}')
 
 
 class Rig:

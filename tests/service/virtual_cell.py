@@ -34,7 +34,7 @@ from mcserver.service.work_offsets import WorkOffsets, offsets_file
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.service.fakes import LoopPlanner
 
-CYCLES_A_TURN = 50
+TURN_S = 0.05
 GIVE_WAY_S = 1e-4
 TURNS = 60_000
 
@@ -93,7 +93,7 @@ class VirtualCell:
     """One start of a server; a second one on the same folder is a restart.
 
     Args:
-        cycles_a_turn: that pass while the planner does a piece of work.
+        turn_s: the time that passes while the planner does a piece of work.
 
     Attributes:
         events: as published.
@@ -105,9 +105,9 @@ class VirtualCell:
         folder: Path,
         instance: str = "cell",
         connect: Callable[[Path], sqlite3.Connection] = open_journal,
-        cycles_a_turn: int = CYCLES_A_TURN,
+        turn_s: float = TURN_S,
     ) -> None:
-        self._cycles_a_turn = cycles_a_turn
+        self._cycles_a_turn = round(turn_s / machine.cycle_s)
         journal = folder / "journal.db"
         references = References(references_file(journal), machine).holding
         self.executor = VirtualExecutor(machine, homed=False, references=references)
