@@ -23,14 +23,11 @@ from tests.browser.conftest import (
 from tests.browser.test_cuts import DUMB, cut
 from tests.browser.test_machine_page import wait_for
 from tests.e2e.servers import ServerProcess
+from tests.machine_text import axes_text
 
 MILL = (
     '[machine]\nname = "mill"\ncycle_hz = 250\n[dialect]\nprofile = "cnc"\n'
-    + "".join(
-        f'[[axis]]\nindex = {axis}\ntype = "linear"\nmax_velocity = 200.0\nmax_acceleration = 2000.0\n'
-        "min_position = -500.0\nmax_position = 500.0\n"
-        for axis in range(3)
-    )
+    + axes_text(range(3), keys="min_position = -500.0\nmax_position = 500.0")
     + "[probe]\nsimulated_at = { Z = -5.0 }\n[[cutter]]\nnumber = 3\nlength_mm = 40.0\ndiameter_mm = 6.0\n"
     + """[[button]]
 name = "park"

@@ -17,6 +17,7 @@ from mcserver.simulation.preview import preview
 from mcserver.simulation.simulation import simulate_lines
 from tests.clearance.cells import Start, fault_of, place
 from tests.clearance.machines import mill
+from tests.machine_text import axes_text
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 CNC = '[dialect]\nprofile = "cnc"\n'
@@ -111,8 +112,7 @@ async def test_a_server_keeps_out_of_a_zone_where_its_zero_is_now(start: Start) 
 async def test_a_zero_that_another_program_moves_takes_the_zone_into_the_way_of_one_that_runs(
     start: Start,
 ) -> None:
-    fourth = '[[axis]]\nindex = 3\ntype = "linear"\nmax_velocity = 10.0\nmax_acceleration = 100.0\n'
-    cell = start(mill(shop(fourth)))
+    cell = start(mill(shop(axes_text([3]))))
     assert (await cell.run("G10 L2 P2 X500")).state == "finished"
     running = await cell.begin("G90 G94", "G1 X400 F600", axes=[0, 1, 2])
     await cell.until(lambda: place(cell, 0) > 20.0)

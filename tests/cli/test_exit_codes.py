@@ -12,6 +12,7 @@ from mcclient.errors import MotionError
 from mcserver.cli.app import run_command_line
 from mcserver.errors import McError
 from tests.cli.command import EXAMPLES, ROOT
+from tests.machine_text import axes_text
 
 Capture = pytest.CaptureFixture[str]
 ARCS = str(EXAMPLES / "arcs.gcode")
@@ -163,10 +164,7 @@ def test_a_machine_is_explained(capfd: Capture) -> None:
 
 def test_doubts_about_a_machine_are_warnings_and_exit_0(tmp_path: Path, capfd: Capture) -> None:
     path = tmp_path / "m.toml"
-    path.write_text(
-        '[machine]\nname = "m"\n[[axis]]\nindex = 0\ntype = "rotary"\n'
-        "max_velocity = 1.0\nmax_acceleration = 1e6\n"
-    )
+    path.write_text(f'[machine]\nname = "m"\n{axes_text(velocity=1.0, acceleration=1e6)}')
     assert run_command_line(["machine", "check", str(path)]) == 0
     assert "warning[MC020]" in capfd.readouterr().err
 

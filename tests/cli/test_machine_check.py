@@ -12,14 +12,12 @@ from mcserver.cli.app import run_command_line
 from mcserver.machine.axis import axis_name
 from mcserver.machine.machine_file import BUILT_IN, load_machine, parse_machine
 from mcserver.machine.plausibility import find_doubts, find_tool_faults
+from tests.machine_text import axes_text
 
 
-def _codes(axis: str, drive: str = "") -> list[str]:
-    machine = parse_machine(
-        '[machine]\nname = "m"\n[[axis]]\nindex = 0\ntype = "linear"\nmax_velocity = 200.0\n'
-        f"max_acceleration = 1000.0\n{axis}\n[axis.drive]\n{drive}"
-    )
-    return [doubt.code for doubt in find_doubts(machine)]
+def _codes(axis: str, drive: str = "", kind: str = "ideal") -> list[str]:
+    axes = axes_text(acceleration=1000.0, keys=axis, drive=kind, drive_keys=drive)
+    return [doubt.code for doubt in find_doubts(parse_machine(f'[machine]\nname = "m"\n{axes}'))]
 
 
 @pytest.mark.parametrize("name", BUILT_IN)
@@ -45,8 +43,8 @@ def test_a_tolerance_wider_than_the_following_error_earns_a_warning() -> None:
 
 
 def test_a_bus_drive_on_an_interface_that_is_not_here_earns_a_warning() -> None:
-    drive = 'kind = "cia402"\nbus = "can99"\nnode = 1\ncounts_per_motor_rev = 4096'
-    assert "MC022" in _codes("units_per_motor_rev = 10.0", drive)
+    drive = 'bus = "can99"\nnode = 1\ncounts_per_motor_rev = 4096'
+    assert "MC022" in _codes("units_per_motor_rev = 10.0", drive, "cia402")
 
 
 @pytest.mark.parametrize(("index", "name"), [(0, "X"), (5, "C"), (6, "[6]"), (63, "[63]")])

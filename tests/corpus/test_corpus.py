@@ -16,6 +16,7 @@ from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.machine.machine_file import Machine, load_machine, parse_machine
 from mcserver.motion.canonical import PauseLine
 from mcserver.simulation.simulation import simulate
+from tests.machine_text import axes_text
 
 FOLDER = Path(__file__).parent
 FILES = sorted(
@@ -401,10 +402,7 @@ def test_a_straight_rapid_is_as_fast_as_its_slowest_axis_and_asks_for_no_time() 
 
 def test_the_reference_has_no_straight_rapids() -> None:
     with pytest.raises(ConfigurationError, match="D-20"):
-        parse_machine(
-            '[machine]\nname = "m"\n[dialect]\nrapids = "straight"\n[[axis]]\nindex = 0\ntype = "linear"\n'
-            "max_velocity = 1.0\nmax_acceleration = 1.0"
-        )
+        parse_machine(f'[machine]\nname = "m"\n[dialect]\nrapids = "straight"\n{axes_text()}')
 
 
 @pytest.mark.parametrize("code", ["M601", "M25", "M226", "M600", "M125"])

@@ -11,6 +11,7 @@ from mcserver.machine.section_reader import MachineFileRejected
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.executor.planned import Planned
 from tests.executor.rig import CYCLE_S, Array
+from tests.machine_text import axes_text
 
 VELOCITY, ACCELERATION, JERK = 0.2, 2.0, 50.0
 BACKLASH = 20e-6
@@ -19,11 +20,10 @@ BOTH = "compensation = { backlash = 0.02, pitch_errors = [[-60.0, 0.0], [0.0, 0.
 
 def machine(axis: str, drive: str = "ideal") -> Machine:
     text = '[machine]\nname = "worn"\n[motion]\npath_tolerance_mm = 0.05\n'
-    for index in range(2):
-        text += f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = {1e3 * VELOCITY}\n'
-        text += f"max_acceleration = {1e3 * ACCELERATION}\nmax_jerk = {1e3 * JERK}\n{axis}\n"
-        text += f'[axis.drive]\nkind = "{drive}"\n'
-    return parse_machine(text)
+    limits = {"velocity": 1e3 * VELOCITY, "acceleration": 1e3 * ACCELERATION}
+    return parse_machine(
+        text + axes_text(range(2), **limits, keys=f"max_jerk = {1e3 * JERK}\n{axis}", drive=drive)
+    )
 
 
 class Told(Planned):

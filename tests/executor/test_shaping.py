@@ -28,6 +28,7 @@ from tests.executor.homing_cell import machine as machine_to_home
 from tests.executor.planned import Planned
 from tests.executor.rig import CYCLE_S, Rig, machine, under_way
 from tests.limits import assert_keeps, limits_of
+from tests.machine_text import axes_text
 
 EI, ZV, SMOOTH = (
     f'shaper = {{ type = "{kind}", frequency_hz = 40.0, damping = 0.05 }}' for kind in ("ei", "zv", "smooth")
@@ -41,10 +42,7 @@ def shaped(*shapers: str, axis: str = "", drive: str = "ideal", end: str = "") -
     """A machine of linear axes with a shaper each, or none."""
     text = f'[machine]\nname = "shaped"\n[motion]\n{WIDE}\n'
     for index, shaper in enumerate(shapers):
-        text += (
-            f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 200.0\nmax_acceleration = 2000.0\n'
-        )
-        text += f'max_jerk = 50000.0\n{shaper}\n{axis}\n[axis.drive]\nkind = "{drive}"\n'
+        text += axes_text([index], keys=f"max_jerk = 50000.0\n{shaper}\n{axis}", drive=drive)
     return parse_machine(text + end)
 
 

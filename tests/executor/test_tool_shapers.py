@@ -20,6 +20,7 @@ from mcserver.planning.start_state import StartState
 from mcserver.simulation.simulation import simulate
 from tests.executor.planned import Planned
 from tests.executor.rig import CYCLE_S
+from tests.machine_text import axes_text
 from tests.service.virtual_cell import VirtualCell
 
 LIGHT_HZ, HEAVY_HZ, HEAVY = 40.0, 23.0, 2
@@ -35,18 +36,12 @@ path_tolerance_mm = 5.0
 profile = "{profile}"
 {change}
 {axes}"""
-AXIS = """[[axis]]
-index = {index}
-type = "linear"
-max_velocity = 300.0
-max_acceleration = 3000.0
-{keys}
-"""
 
 
 def machine(keys: str = SHAPERS, *, change: str = "ignore", profile: str = "cnc") -> Machine:
     change = f'tool_change = "{change}"' if profile == "cnc" else ""
-    axes = "".join(AXIS.format(index=index, keys=keys if index == 0 else "") for index in range(2))
+    limits = {"velocity": 300.0, "acceleration": 3000.0}
+    axes = axes_text([0], **limits, keys=keys) + axes_text([1], **limits)
     return parse_machine(MACHINE.format(profile=profile, change=change, axes=axes))
 
 

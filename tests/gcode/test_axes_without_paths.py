@@ -8,17 +8,14 @@ from mcserver.errors import ConfigurationError
 from mcserver.gcode.program_check import check_program
 from mcserver.machine.machine_file import Machine, parse_machine
 from tests.gcode.support import Program
+from tests.machine_text import axes_text
 
-AXIS = '[[axis]]\nindex = {}\ntype = "linear"\nmax_velocity = 100.0\nmax_acceleration = 100.0\n'
-PP = (
-    '[axis.drive]\nkind = "cia402"\nmode = "pp"\nbus = "can0"\nnode = 1\n'
-    "feed = [10.0, 1.0]\ncounts_per_motor_rev = 4096\n"
-)
+PP = 'mode = "pp"\nbus = "can0"\nnode = 1\nfeed = [10.0, 1.0]\ncounts_per_motor_rev = 4096\n'
 
 
 def machine(more: str = "") -> Machine:
-    text = '[machine]\nname = "m"\ncycle_hz = 200\n' + AXIS.format(0) + AXIS.format(1) + AXIS.format(2)
-    return parse_machine(f"{text}{PP}{more}")
+    axes = axes_text((0, 1)) + axes_text((2,), drive="cia402", drive_keys=PP)
+    return parse_machine(f'[machine]\nname = "m"\ncycle_hz = 200\n{axes}{more}')
 
 
 @pytest.mark.parametrize(

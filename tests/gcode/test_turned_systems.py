@@ -30,6 +30,7 @@ from mcserver.simulation.work_zero import with_zeros
 from mcserver.units import MM
 from tests.bench.rs274_programs import MACHINE, moves_here
 from tests.gcode.test_transformations import PROBING, Writer, ends, faults, travels
+from tests.machine_text import axes_text
 
 
 def turned(moves: list[tuple[float, ...]], degrees: float, about: Array) -> Array:
@@ -164,8 +165,7 @@ def test_a_check_can_start_in_a_turned_system() -> None:
     interpreter.interpret_text("G0 X3 Y4", 1)
     assert [round(interpreter.positions[axis] * 1e3, 9) for axis in (0, 1)] == [6.0, 3.0]
     rotary = parse_machine(
-        '[machine]\nname = "rotary"\n[dialect]\nprofile = "cnc"\n[[axis]]\nindex = 0\ntype = "rotary"\n'
-        "max_velocity = 9.0\nmax_acceleration = 9.0\n"
+        f'[machine]\nname = "rotary"\n[dialect]\nprofile = "cnc"\n{axes_text(rotary=True)}'
     )
     with pytest.raises(UsageFault, match="X and Y"):
         with_zeros(rotary, ["R=30"])

@@ -10,15 +10,17 @@ import pytest
 from mcserver.errors import ConfigurationError
 from mcserver.machine.bus_load import CEILING, bus_loads, frame_bits
 from mcserver.machine.machine_file import Machine, parse_machine
+from tests.machine_text import axes_text
 
 
-def machine(axes: int, cycle_hz: float, buses: int = 1, drive: str = "", bus: str = "") -> Machine:
+def machine(
+    axes: int, cycle_hz: float, buses: int = 1, drive: str = "", bus: str = "", kind: str = "cia402"
+) -> Machine:
     text = f'[machine]\nname = "m"\ncycle_hz = {cycle_hz}\n{bus}\n'
     for index in range(axes):
-        text += f'[[axis]]\nindex = {index}\ntype = "rotary"\nmax_velocity = 100.0\nmax_acceleration = 1e3\n'
-        text += "max_following_error = 5.0\n"
-        text += f'[axis.drive]\nbus = "can{index % buses}"\nnode = {index + 1}\ncounts_per_motor_rev = 4096\n'
-        text += drive or 'kind = "cia402"\n'
+        keys = f'bus = "can{index % buses}"\nnode = {index + 1}\ncounts_per_motor_rev = 4096\n{drive}'
+        follow = "max_following_error = 5.0"
+        text += axes_text([index], rotary=True, velocity=100.0, keys=follow, drive=kind, drive_keys=keys)
     return parse_machine(text)
 
 
@@ -63,8 +65,8 @@ def test_what_is_said_to_fit_fits_and_no_more() -> None:
         machine(12, greatest + 1)
 
 
-TORQUES = 'kind = "cia402"\nmode = "cst"\nrated_torque = 1.0\ninertia = 1e-4\n'
-POINTS = 'kind = "cia402"\nmode = "pp"\n'
+TORQUES = 'mode = "cst"\nrated_torque = 1.0\ninertia = 1e-4\n'
+POINTS = 'mode = "pp"\n'
 
 
 def test_rpdo1_comes_besides_as_often_as_the_shortest_time_out_asks_for_it() -> None:
@@ -100,12 +102,13 @@ def test_a_slower_bus_carries_less() -> None:
 
 
 def test_servosila_drives_take_a_command_and_three_frames_of_telemetry_and_no_sync() -> None:
-    drive = 'kind = "servosila"\ncodes = { off = 2 }\n'
-    (load,) = bus_loads(machine(2, 500.0, drive=drive))
+    codes = "codes = { off = 2 }\n"
+    (load,) = bus_loads(machine(2, 500.0, drive=codes, kind="servosila"))
     assert load.bits_per_cycle == 2 * 4 * 135
-    (slower,) = bus_loads(machine(2, 500.0, drive=drive + "telemetry_hz = 100.0\n"))
+    drive = f"{codes}telemetry_hz = 100.0\n"
+    (slower,) = bus_loads(machine(2, 500.0, drive=drive, kind="servosila"))
     assert slower.share == pytest.approx((2 * 135 * 500 + 2 * 3 * 100 * 135) / 1e6)
 
 
 def test_a_machine_without_can_drives_loads_no_bus() -> None:
-    assert bus_loads(machine(2, 1000.0, drive='kind = "simulated"\n')) == ()
+    assert bus_loads(machine(2, 1000.0, kind="simulated")) == ()

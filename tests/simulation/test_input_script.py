@@ -18,8 +18,7 @@ from tests.machine_text import axes_text
 
 def machine() -> Machine:
     return parse_machine(
-        '[machine]\nname = "m"\n[[axis]]\nindex = 0\ntype = "linear"\n'
-        "max_velocity = 1.0\nmax_acceleration = 1.0\n"
+        f'[machine]\nname = "m"\n{axes_text()}'
         '[[bus]]\nname = "can0"\n'
         '[[input]]\nnumber = 3\nname = "front door"\nsimulated = [{ at_s = 1.0, value = true }]\n'
         '[[input]]\nnumber = 3\nname = "air"\nkind = "analog"\n'

@@ -15,6 +15,7 @@ from mcserver.motion.canonical import FeedGroup, MotionLine
 from mcserver.planning.start_state import StartState
 from mcserver.planning.state_before import state_before
 from mcserver.simulation.simulation import simulate
+from tests.machine_text import axes_text
 from tests.motion.measure import from_polyline
 
 from .five_axes import (
@@ -212,11 +213,7 @@ def test_a_machine_that_cannot_do_it_says_what_it_lacks(trunnion: Machine, tmp_p
         (fault,) = rejected.value.diagnostics
         return fault.code, f"{fault.message}; {fault.hint}"
 
-    axes = "".join(
-        f'[[axis]]\nindex = {n}\ntype = "linear"\nmax_velocity = 1.0\nmax_acceleration = 1.0\n'
-        for n in range(3)
-    )
-    plain = parse_machine(f'[machine]\nname = "mill"\n[dialect]\nprofile = "cnc"\n{axes}')
+    plain = parse_machine(f'[machine]\nname = "mill"\n[dialect]\nprofile = "cnc"\n{axes_text(range(3))}')
     code, said = refused(plain, "G43.4")
     assert code == "MC171"
     assert "urdf" in said

@@ -24,6 +24,7 @@ from mcserver.errors import ConfigurationError
 from mcserver.machine.machine_file import Machine, parse_machine
 from tests.drives.can_rig import Bench, machine
 from tests.drives.profile_drive import PP, ProfileDrive, agreed
+from tests.machine_text import axes_text
 
 
 class ProfileBench(Bench):
@@ -220,13 +221,9 @@ def test_a_drive_without_a_profile_acceleration_is_refused() -> None:
     ],
 )
 def test_what_needs_a_path_is_refused_by_the_machine_file(keys: str, refused: str) -> None:
-    text = (
-        '[machine]\nname = "m"\n[[axis]]\nindex = 0\ntype = "rotary"\nmax_velocity = 1.0\n'
-        'max_acceleration = 1.0\n[axis.drive]\nkind = "cia402"\nbus = "can0"\nnode = 1\nrated_torque = 1.0\n'
-        f"counts_per_motor_rev = 1000\n{PP}{keys}"
-    )
+    drive = f'bus = "can0"\nnode = 1\nrated_torque = 1.0\ncounts_per_motor_rev = 1000\n{PP}{keys}'
     with pytest.raises(ConfigurationError, match=refused):
-        parse_machine(text)
+        parse_machine(f'[machine]\nname = "m"\n{axes_text(rotary=True, drive="cia402", drive_keys=drive)}')
 
 
 _GOALS = st.one_of(st.none(), st.integers(-3, 3))

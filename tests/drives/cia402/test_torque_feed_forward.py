@@ -15,6 +15,7 @@ from mcserver.drives.bus import DriveMode
 from mcserver.errors import ConfigurationError
 from mcserver.machine.machine_file import parse_machine
 from tests.drives.can_rig import Bench, machine
+from tests.machine_text import axes_text
 
 FED = "torque_feed_forward = true"
 
@@ -114,10 +115,6 @@ def test_a_drive_without_torque_offset_is_refused_with_the_key_to_change() -> No
 
 
 def test_feed_forward_needs_the_rated_torque() -> None:
-    text = (
-        '[machine]\nname = "m"\n[[axis]]\nindex = 0\ntype = "rotary"\nmax_velocity = 1.0\n'
-        'max_acceleration = 1.0\n[axis.drive]\nkind = "cia402"\nbus = "can0"\nnode = 1\n'
-        f"counts_per_motor_rev = 1000\n{FED}\n"
-    )
+    drive = f'bus = "can0"\nnode = 1\ncounts_per_motor_rev = 1000\n{FED}'
     with pytest.raises(ConfigurationError, match="rated torque"):
-        parse_machine(text)
+        parse_machine(f'[machine]\nname = "m"\n{axes_text(rotary=True, drive="cia402", drive_keys=drive)}')

@@ -21,6 +21,7 @@ from mcserver.motion.canonical import AxisOperation
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.drives.fake_can import FakeBus, FakeServosila
 from tests.executor.rig import Rig
+from tests.machine_text import axes_text
 
 OFF, RESET, STOP, SPEED, SERVO, TORQUE = 0x02, 0x01, 0x04, 0x20, 0x30, 0x77
 COUNT_M = 1e-6
@@ -28,10 +29,10 @@ COUNT_M = 1e-6
 
 def machine(drive: str = "pole_pairs = 4", codes: str = "off = 2, torque = 0x77") -> Machine:
     """One axis of 10 mm and 10 000 counts a motor turn."""
-    text = '[machine]\nname = "m"\n[[axis]]\nindex = 0\ntype = "linear"\nmax_velocity = 1000.0\n'
-    text += "max_acceleration = 10000.0\nmax_following_error = 2.0\nunits_per_motor_rev = 10.0\n"
-    text += '[axis.drive]\nkind = "servosila"\nbus = "can0"\nnode = 5\ncounts_per_motor_rev = 10000\n'
-    return parse_machine(f"{text}codes = {{ {codes} }}\n{drive}\n")
+    keys = "max_following_error = 2.0\nunits_per_motor_rev = 10.0"
+    drive = f'bus = "can0"\nnode = 5\ncounts_per_motor_rev = 10000\ncodes = {{ {codes} }}\n{drive}'
+    axes = axes_text(velocity=1e3, acceleration=1e4, keys=keys, drive="servosila", drive_keys=drive)
+    return parse_machine(f'[machine]\nname = "m"\n{axes}')
 
 
 @dataclass
