@@ -85,6 +85,7 @@ class Bed(Planned):
 
     def __init__(self, made: Machine, text: str, bed: Callable[[float, float], float] = bowed) -> None:
         self.bed, self.targets, self.nozzle = bed, list[Array](), list[Array]()
+        self.touches = False
         start = StartState.of(made).at({axis.index: 0.0 for axis in made.axes})
         super().__init__(made, HEAD + text, start=start, homed=False)
 
@@ -121,7 +122,10 @@ class Bed(Planned):
     def step(self, cycles: int = 1) -> None:
         for _ in range(cycles):
             super().step()
-            self.executor.mailbox.set_input(0, float(self.height <= 0.0))
+            touches = self.height <= 0.0
+            if touches != self.touches:
+                self.touches = touches
+                self.executor.mailbox.set_input(0, float(touches))
 
     def until(self, reached: Callable[[], bool]) -> Bed:
         for _ in range(60_000):
