@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import re
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -15,6 +12,7 @@ from mcserver.machine.bus_load import frame_bits
 from mcserver.machine.machine_file import Machine, load_machine
 from tests.bench.figures import Figure, NotAvailable
 from tests.bench.server import free_port
+from tests.e2e_can.processes import ReadyProcess
 from tests.machine_text import axes_text
 
 DRIVES = 8
@@ -70,19 +68,8 @@ def _simulated() -> Iterator[Machine]:
             for axis in range(DRIVES)
         )
         file.write_text(head + "".join(axes))
-        drives = subprocess.Popen(
-            [sys.executable, "-m", "mcserver", "drive-sim", "--machine", str(file), "--hub", hub],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            text=True,
-        )
-        assert drives.stdout is not None
+        drives = ReadyProcess(["mcserver", "drive-sim", "--machine", str(file), "--hub", hub])
         try:
-            line = drives.stdout.readline()
-            if not re.match("READY", line):
-                raise NotAvailable(f"the simulated drives did not start: {line or 'no word'}")
             yield load_machine(str(file))
         finally:
-            drives.terminate()
-            drives.stdout.close()
-            drives.wait()
+            drives.close()

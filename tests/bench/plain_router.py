@@ -2,23 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import sys
 
-import zenoh
+from tests.zenoh_sessions import opened
 
 
 def main(listen: str, connect: list[str]) -> None:
-    config = zenoh.Config()
-    settings: dict[str, object] = {
-        "mode": "router",
-        "listen/endpoints": [listen],
-        "connect/endpoints": connect,
-        "scouting/multicast/enabled": False,
-    }
-    for key, value in settings.items():
-        config.insert_json5(key, json.dumps(value))
-    with zenoh.open(config):
+    with opened({"mode": "router", "listen/endpoints": [listen], "connect/endpoints": connect}):
         print("ready", flush=True)
         sys.stdin.read()
 

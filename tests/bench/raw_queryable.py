@@ -6,13 +6,12 @@ import sys
 
 import zenoh
 
+from tests.zenoh_sessions import opened
+
 
 def main(endpoint: str) -> None:
     """Listen and answer."""
-    config = zenoh.Config()
-    config.insert_json5("listen/endpoints", f'["{endpoint}"]')
-    config.insert_json5("scouting/multicast/enabled", "false")
-    session = zenoh.open(config)
+    session = opened({"listen/endpoints": [endpoint]})
     answer = zenoh.handlers.Callback(lambda query: query.reply(query.key_expr, b"answer"), indirect=False)
     session.declare_queryable("bench/raw", answer, complete=True)
     print("ready", flush=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +13,7 @@ import zenoh
 from mcserver.service.reports import AxesStatus, MachineStatus
 from mcserver.web.users import Role, add_user
 from tests.browser.conftest import Page, PageProcess, expect, expect_no_overflow, page_of
+from tests.zenoh_sessions import locator_of, opened
 
 MACHINES = 20
 
@@ -22,20 +22,11 @@ class Answering:
     """Machines that answer ``status`` and count the holds that they are given."""
 
     def __init__(self, count: int) -> None:
-        config = zenoh.Config()
-        for key, value in {
-            "mode": "router",
-            "listen/endpoints": ["tcp/127.0.0.1:0"],
-            "adminspace/enabled": True,
-        }.items():
-            config.insert_json5(key, json.dumps(value))
-        config.insert_json5("scouting/multicast/enabled", "false")
         self.holds: list[str] = []
-        self._session = zenoh.open(config)
-        (admin,) = [
-            reply.ok for reply in self._session.get(f"@/{self._session.zid()}/*") if reply.ok is not None
-        ][:1]
-        self.endpoint: str = msgspec.json.decode(admin.payload.to_bytes())["locators"][0]
+        self._session = opened(
+            {"mode": "router", "listen/endpoints": ["tcp/127.0.0.1:0"], "adminspace/enabled": True}
+        )
+        self.endpoint = locator_of(self._session)
         self._declared = [
             self._declare(f"{'hall' if number < 5 else 'cell'}-{number:02}") for number in range(count)
         ]

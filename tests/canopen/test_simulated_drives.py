@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import re
 import signal
 import subprocess
 import sys
@@ -19,6 +18,7 @@ from mcserver.drive_sim.control import Control
 from mcserver.machine.machine_file import load_machine
 from tests.canopen.rig import RunningHub, Watched, wait_until
 from tests.e2e.servers import ServerProcess, environment
+from tests.e2e_can.processes import ReadyProcess
 from tests.machine_text import axes_text
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -33,7 +33,7 @@ class Simulation:
 
     file: Path
     control: Control
-    process: subprocess.Popen[str]
+    process: ReadyProcess
 
     def nmt(self, node: int) -> object:
         return self.control.state(node)["nmt"]
@@ -56,24 +56,12 @@ def simulated(folder: Path) -> Iterator[Simulation]:
             drive_keys=KEYS + str(node),
         )
     file.write_text(head)
-    process = subprocess.Popen(
-        [sys.executable, "-m", "mcserver", "drive-sim", "-m", str(file), "--control", "127.0.0.1:0"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        env=environment(),
-        cwd=ROOT,
-    )
-    assert process.stdout is not None
+    process = ReadyProcess(["mcserver", "drive-sim", "-m", str(file), "--control", "127.0.0.1:0"])
     try:
-        ready = re.search(r"control 127\.0\.0\.1:(\d+)", process.stdout.readline())
-        assert ready is not None
-        with Control("127.0.0.1", int(ready[1])) as control:
+        with Control(*process.endpoint) as control:
             yield Simulation(file, control, process)
     finally:
-        process.terminate()
-        process.stdout.close()
-        process.wait(20.0)
+        process.close()
         hub.stop()
 
 

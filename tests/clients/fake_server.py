@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import functools
 import itertools
-import json
 import threading
 import time
 import zlib
@@ -19,6 +18,8 @@ from typing import Any
 import msgpack
 import zenoh
 from fake_methods import QUEUE_LINES, FakeMethods, FakeProgram, Refusal, shapes
+
+from tests.zenoh_sessions import locator_of, opened
 
 ENCODING = "application/msgpack"
 
@@ -69,24 +70,11 @@ class FakeServer(FakeMethods):
 
     def start(self) -> FakeServer:
         """Listens: on a free port the first time, then on the same one again."""
-        config = zenoh.Config()
-        settings: dict[str, object] = {
-            "mode": "peer",
-            "listen/endpoints": [self.endpoint or "tcp/127.0.0.1:0"],
-            "scouting/multicast/enabled": False,
-            "timestamping/enabled": True,
-            "adminspace/enabled": True,
-        }
-        for key, value in settings.items():
-            config.insert_json5(key, json.dumps(value))
         self.instance = self.instance or f"67{zlib.crc32(self.name.encode()):08x}{next(self._instances):04x}"
-        config.insert_json5("id", json.dumps(self.instance))
-        session = zenoh.open(config)
+        settings = {"timestamping/enabled": True, "adminspace/enabled": True, "id": self.instance}
+        session = opened({"listen/endpoints": [self.endpoint or "tcp/127.0.0.1:0"], **settings})
         self._session = session
-        if not self.endpoint:
-            for reply in session.get(f"@/{session.zid()}/*", timeout=2.0):
-                if reply.ok is not None:
-                    self.endpoint = json.loads(reply.ok.payload.to_bytes())["locators"][0]
+        self.endpoint = self.endpoint or locator_of(session)
         root = f"mc/@v1/{self.name}"
         here = zenoh.handlers.Callback
         self._events = zenoh.ext.declare_advanced_publisher(

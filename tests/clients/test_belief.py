@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 
 import msgspec
@@ -13,18 +12,13 @@ from mcclient import Machine
 from mcclient.presence import Presence
 from mcclient.transport import Arrived
 
+from tests.zenoh_sessions import opened
+
 
 @pytest.fixture
 def stranger(server: FakeServer) -> Iterator[zenoh.Session]:
-    config = zenoh.Config()
-    for key, value in {
-        "mode": "client",
-        "connect/endpoints": [server.endpoint],
-        "scouting/multicast/enabled": False,
-        "timestamping/enabled": True,
-    }.items():
-        config.insert_json5(key, json.dumps(value))
-    session = zenoh.open(config)
+    ends = {"mode": "client", "connect/endpoints": [server.endpoint]}
+    session = opened({**ends, "timestamping/enabled": True})
     yield session
     session.close()  # type: ignore[no-untyped-call]
 

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import asyncio
 import json
-import socket
 import threading
 from collections.abc import Callable, Iterator
 
 import pytest
-import zenoh
 from fake_server import FakeServer
 from mcclient.cli.fleet import Sight
 from mcclient.fleet import FleetLink
 
+from tests.bench.server import free_port
 from tests.clients.conftest import MakeServer
+from tests.zenoh_sessions import opened
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -24,18 +24,9 @@ class Site:
 
     def __init__(self, first: FakeServer, second: FakeServer) -> None:
         self.machines = (first, second)
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            self.endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-        config = zenoh.Config()
-        for key, value in {
-            "mode": "router",
-            "listen/endpoints": [self.endpoint],
-            "connect/endpoints": [first.endpoint, second.endpoint],
-            "scouting/multicast/enabled": False,
-        }.items():
-            config.insert_json5(key, json.dumps(value))
-        self._router = zenoh.open(config)
+        self.endpoint = f"tcp/127.0.0.1:{free_port()}"
+        ends = {"listen/endpoints": [self.endpoint], "connect/endpoints": [first.endpoint, second.endpoint]}
+        self._router = opened({"mode": "router", **ends})
         # a router's links come up one after the other
         pause = threading.Event()
         live = self._router.liveliness()

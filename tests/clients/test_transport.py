@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import threading
 
 import zenoh
 from mcclient.transport import Link
 
+from tests.zenoh_sessions import locator_of, opened
+
 LIMIT_S = 30.0
 
 
 async def test_a_call_returns_with_its_reply_though_the_query_is_still_open() -> None:
-    config = zenoh.Config()
-    config.insert_json5("scouting/multicast/enabled", "false")
-    config.insert_json5("adminspace/enabled", "true")
-    config.insert_json5("listen/endpoints", '["tcp/127.0.0.1:0"]')
     kept: list[zenoh.Query] = []
     answered = threading.Event()
 
@@ -25,11 +22,9 @@ async def test_a_call_returns_with_its_reply_though_the_query_is_still_open() ->
         query.reply(query.key_expr, b"answer")
         answered.set()
 
-    with zenoh.open(config) as server:
+    with opened({"adminspace/enabled": True, "listen/endpoints": ["tcp/127.0.0.1:0"]}) as server:
         queryable = server.declare_queryable("k", zenoh.handlers.Callback(on_query, indirect=False))
-        (admin,) = server.get(f"@/{server.zid()}/*")
-        assert admin.ok is not None
-        link = await Link.open((json.loads(admin.ok.payload.to_bytes())["locators"][0],), timeout_s=LIMIT_S)
+        link = await Link.open((locator_of(server),), timeout_s=LIMIT_S)
         async with asyncio.timeout(LIMIT_S):
             replies: list[bytes] = []
             while not replies:

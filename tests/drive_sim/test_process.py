@@ -7,8 +7,6 @@ import os
 import re
 import signal
 import socket
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -21,61 +19,26 @@ from mcserver.drive_sim.control import Control
 from tests.bench.server import free_port
 from tests.can.hubs import LIMIT_S, wait_until
 from tests.can.python_can import python_can_bus
+from tests.e2e_can.processes import ReadyProcess
+from tests.machine_text import axes_text
 
-ENTRY = "from mcserver.cli.app import main; main()"
-MACHINE = """
-[machine]
-name = "bench"
-cycle_hz = 100
-
-[[bus]]
-name = "can0"
-address = "{address}"
-"""
-AXIS = """
-[[axis]]
-index = {index}
-type = "rotary"
-max_velocity = 500.0
-max_acceleration = 5000.0
-[axis.drive]
-kind = "cia402"
-bus = "can0"
-node = {node}
-counts_per_motor_rev = 65536
-"""
 EDS = Path(__file__).resolve().parents[2] / "mcserver" / "drive_sim" / "cia402.eds"
 
 
 def machine_file(folder: Path, port: int, nodes: int = 3) -> Path:
-    axes = "".join(AXIS.format(index=node - 1, node=node) for node in range(1, nodes + 1))
+    text = '[machine]\nname = "bench"\ncycle_hz = 100\n'
+    text += f'[[bus]]\nname = "can0"\naddress = "socketcand:127.0.0.1:{port}/can0"\n'
+    for node in range(1, nodes + 1):
+        keys = f'bus = "can0"\nnode = {node}\ncounts_per_motor_rev = 65536'
+        text += axes_text([node - 1], rotary=True, drive="cia402", drive_keys=keys)
     path = folder / "bench.toml"
-    path.write_text(MACHINE.format(address=f"socketcand:127.0.0.1:{port}/can0") + axes)
+    path.write_text(text)
     return path
 
 
-@contextlib.contextmanager
-def drive_sim(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """The command as a process, and its READY line."""
-    process = subprocess.Popen(
-        [sys.executable, "-c", ENTRY, "drive-sim", *arguments],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-    )
-    assert process.stdout is not None
-    try:
-        yield process, process.stdout.readline()
-    finally:
-        if process.poll() is None:
-            process.terminate()
-        try:
-            process.wait(LIMIT_S)
-        finally:
-            process.kill()
-            process.wait()
-            process.stdout.close()
+def drive_sim(*arguments: str) -> contextlib.closing[ReadyProcess]:
+    """The command as a process."""
+    return contextlib.closing(ReadyProcess(["mcserver", "drive-sim", *arguments]))
 
 
 @contextlib.contextmanager
@@ -94,10 +57,10 @@ def test_drives_in_a_process_are_nodes_that_canopen_can_master(tmp_path: Path) -
     port = free_port()
     path = machine_file(tmp_path, port)
     with (
-        drive_sim("-m", str(path), "--hub", f"127.0.0.1:{port}", "--control", "127.0.0.1:0") as (_, ready),
+        drive_sim("-m", str(path), "--hub", f"127.0.0.1:{port}", "--control", "127.0.0.1:0") as drives,
         master(port) as network,
     ):
-        assert ready.startswith("READY 3 drives on can0, control 127.0.0.1:")
+        assert drives.ready.startswith("3 drives on can0, control 127.0.0.1:")
         network.scanner.search(8)
         wait_until(lambda: sorted(network.scanner.nodes) == [1, 2, 3], "three nodes answer")
         node = canopen.BaseNode402(2, str(EDS))
@@ -126,8 +89,8 @@ def test_drives_in_a_process_are_nodes_that_canopen_can_master(tmp_path: Path) -
         pdo.add_callback(lambda variables: came.append(variables["Position actual value"].raw))
         network.sync.transmit()
         wait_until(lambda: came, "the mapped TPDO answers the SYNC")
-        number = int(re.findall(r"control 127\.0\.0\.1:(\d+)", ready)[0])
-        with Control("127.0.0.1", number) as control:
+        (number,) = re.findall(r"control 127\.0\.0\.1:(\d+)", drives.ready)
+        with Control("127.0.0.1", int(number)) as control:
             assert control.state(2)["power"] == "OPERATION_ENABLED"
             control.fault(2, "emcy", code=0x4310)
             wait_until(lambda: [each.code for each in node.emcy.log] == [0x4310], "the emergency came")
@@ -138,16 +101,15 @@ def test_each_drive_can_be_a_process_of_its_own(tmp_path: Path) -> None:
     port = free_port()
     path = str(machine_file(tmp_path, port, nodes=2))
     with (
-        drive_sim("-m", path, "--hub", f"127.0.0.1:{port}", "--node", "1") as (_, first),
-        drive_sim("-m", path, "--node", "2") as (second_process, second),
+        drive_sim("-m", path, "--hub", f"127.0.0.1:{port}", "--node", "1") as first,
+        drive_sim("-m", path, "--node", "2") as second,
         master(port) as network,
     ):
-        assert first.startswith("READY 1 drives")
-        assert second.startswith("READY 1 drives")
+        assert first.ready.startswith("1 drives")
+        assert second.ready.startswith("1 drives")
         network.scanner.search(8)
         wait_until(lambda: sorted(network.scanner.nodes) == [1, 2], "both nodes answer")
-        second_process.kill()
-        second_process.wait(LIMIT_S)
+        second.kill()
         network.scanner.reset()
         network.scanner.search(8)
         wait_until(lambda: network.scanner.nodes == [1], "the other one goes on")
@@ -157,10 +119,9 @@ def test_each_drive_can_be_a_process_of_its_own(tmp_path: Path) -> None:
 def test_a_signal_ends_it_with_exit_code_0_and_its_hub_with_it(tmp_path: Path, number: int) -> None:
     port = free_port()
     path = machine_file(tmp_path, port)
-    with drive_sim("-m", str(path), "--hub", f"127.0.0.1:{port}") as (process, ready):
-        assert ready.startswith("READY 3 drives")
-        process.send_signal(number)
-        assert process.wait(LIMIT_S) == 0
+    with drive_sim("-m", str(path), "--hub", f"127.0.0.1:{port}") as drives:
+        assert drives.ready.startswith("3 drives")
+        assert drives.end(number) == 0
     with pytest.raises(OSError, match="refused"):
         socket.create_connection(("127.0.0.1", port))
 

@@ -11,7 +11,7 @@ import pytest
 from mcclient.fleet import FleetLink
 from mcclient.machine import Machine
 
-from tests.bench.server import free_port
+from tests.bench.server import companion, free_port
 
 MACHINES = 30
 
@@ -19,27 +19,19 @@ MACHINES = 30
 @pytest.fixture(scope="module")
 def endpoint() -> Iterator[str]:
     where = f"tcp/127.0.0.1:{free_port()}"
-    router = subprocess.Popen(
-        [sys.executable, "-m", "tests.bench.plain_router", where],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    assert router.stdout is not None
-    router.stdout.readline()
-    options = ["--connect", where, "--line-s", "0.01"]
-    fleet = subprocess.Popen(
-        [sys.executable, "-m", "mcserver", "fleet-sim", "-n", str(MACHINES), *options],
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    assert fleet.stderr is not None
-    assert "30 light machines sim-00001" in fleet.stderr.readline()
-    yield where
-    fleet.send_signal(signal.SIGTERM)
-    fleet.communicate(timeout=30)
-    assert fleet.returncode == 0
-    router.communicate(timeout=30)
+    command = [sys.executable, "-m", "mcserver", "fleet-sim", "-n", str(MACHINES)]
+    with (
+        companion("tests.bench.plain_router", where),
+        subprocess.Popen(
+            [*command, "--connect", where, "--line-s", "0.01"], stderr=subprocess.PIPE, text=True
+        ) as fleet,
+    ):
+        assert fleet.stderr is not None
+        assert "30 light machines sim-00001" in fleet.stderr.readline()
+        yield where
+        fleet.send_signal(signal.SIGTERM)
+        fleet.communicate(timeout=30)
+        assert fleet.returncode == 0
 
 
 async def test_every_machine_is_found_and_answers(endpoint: str) -> None:

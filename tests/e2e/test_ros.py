@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import math
 import signal
 from collections.abc import AsyncIterator, Iterator
 
 import numpy as np
 import pytest
-import zenoh
 from mcclient import Machine
 
 from mcserver.ros.servo_topics import RELEASE_S
@@ -20,6 +18,7 @@ from tests.e2e.conftest import served
 from tests.e2e.ros_bridge import DOMAIN, JOINTS, start_bridge
 from tests.e2e.servers import ServerProcess
 from tests.ros.wire import Heard, WirePeer, jog, twist
+from tests.zenoh_sessions import opened
 
 PERIOD_S = 0.02
 REST = jog(["joint_1"], [0.0])
@@ -75,12 +74,8 @@ async def test_a_tip_is_where_the_links_have_it(peer: WirePeer) -> None:
 
 
 async def test_nodes_of_ros_may_be_on_a_network_of_their_own(arm_server: ServerProcess) -> None:
-    config = zenoh.Config()
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    for name, value in (("mode", "router"), ("listen/endpoints", [endpoint])):
-        config.insert_json5(name, json.dumps(value))
-    config.insert_json5("scouting/multicast/enabled", "false")
-    with zenoh.open(config):
+    with opened({"mode": "router", "listen/endpoints": [endpoint]}):
         bridge = start_bridge(arm_server.endpoint, "--domain", str(DOMAIN + 2), "--ros-connect", endpoint)
         try:
             async with WirePeer(endpoint, DOMAIN + 2) as peer:

@@ -80,9 +80,14 @@ class ReadyProcess:
 
     def kill(self) -> None:
         """Without a chance to say anything."""
-        self._process.send_signal(signal.SIGKILL)
-        self._process.wait(STOP_LIMIT_S)
+        self.end(signal.SIGKILL)
+
+    def end(self, number: signal.Signals) -> int:
+        """Sends a signal, and waits for its end; gives the exit code."""
+        self._process.send_signal(number)
+        code = self._process.wait(STOP_LIMIT_S)
         self._reader.join(STOP_LIMIT_S)
+        return code
 
     def close(self) -> None:
         """Ends it, if it is still there."""

@@ -5,8 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-import signal
-import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -27,7 +25,8 @@ from mcserver.recorder.messages import ServiceEvents, StartRecording, StopRecord
 from mcserver.service.approval_basis import server_version
 from mcserver.service.arming import MAX_TEXT
 from mcserver.service.reports import Event, LineReport
-from tests.language.test_agents_http import served
+from tests.e2e.conftest import served
+from tests.language.test_agents_http import served as served_over_http
 from tests.machine_text import axes_text
 from tests.recorder.rig import Rig
 
@@ -290,28 +289,15 @@ async def test_a_client_over_standard_input_is_served() -> None:
 
 
 async def test_a_client_over_http_is_served() -> None:
-    async with served() as port, Client(f"http://127.0.0.1:{port}/mcp") as client:
+    async with served_over_http() as port, Client(f"http://127.0.0.1:{port}/mcp") as client:
         assert answer_of(await client.call_tool("check", {"text": "G01 X1 F5"}))["ok"]
 
 
 @pytest.fixture
 def running_server(tmp_path: Path) -> Iterator[str]:
     """A server with simulated drives; its endpoint."""
-    command = [sys.executable, "-m", "mcserver", "run", "--listen", "tcp/127.0.0.1:0"]
-    with subprocess.Popen(
-        [*command, "--journal", str(tmp_path / "journal.db")], stderr=subprocess.PIPE, text=True
-    ) as process:
-        assert process.stderr is not None
-        endpoint = ""
-        for line in process.stderr:
-            found = re.search(r"tcp/127\.0\.0\.1:\d+", line)
-            if found is not None and not found[0].endswith(":0"):
-                endpoint = found[0]
-                break
-        assert endpoint
-        yield endpoint
-        process.send_signal(signal.SIGTERM)
-        process.stderr.read()
+    for server in served(tmp_path, "cartesian", "cartesian", recorder=True):
+        yield server.endpoint
 
 
 @pytest.mark.timeout(400)

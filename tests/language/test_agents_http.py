@@ -21,6 +21,7 @@ from mcserver.cli.app import run_command_line
 from mcserver.doors.listening import Address
 from mcserver.errors import ConfigurationError
 from mcserver.language.agents.http import AgentAccess, Guard, read_token
+from tests.bench.server import free_port
 
 TOKEN = "0123456789abcdef0123456789abcdef"
 FAR = AgentAccess(Address("0.0.0.0", 8808), TOKEN, ("https://cell.example",))
@@ -134,9 +135,7 @@ def initialize(port: int, host: str = "127.0.0.1", **headers: str) -> int:
 @asynccontextmanager
 async def served(*options: str) -> AsyncIterator[int]:
     """The port of an agents' server in a process of its own."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     command = [sys.executable, "-m", "mcserver", "mcp", "--http", f"127.0.0.1:{port}", *options]
     process = subprocess.Popen(command)
     try:

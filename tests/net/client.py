@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import itertools
-import json
 from collections.abc import Callable
 from typing import Any
 
 import msgspec
 import zenoh
+
+from tests.zenoh_sessions import opened
 
 LIMIT_S = 5.0
 
@@ -37,15 +38,9 @@ class WireClient:
         client: str = "tester",
         loop: asyncio.AbstractEventLoop | None = None,
     ) -> None:
-        config = zenoh.Config()
-        for key, value in {
-            "mode": "client",
-            "connect/endpoints": [endpoint],
-            "scouting/multicast/enabled": False,
-            "timestamping/enabled": True,
-        }.items():
-            config.insert_json5(key, json.dumps(value))
-        self.session = zenoh.open(config)
+        self.session = opened(
+            {"mode": "client", "connect/endpoints": [endpoint], "timestamping/enabled": True}
+        )
         self.root = f"mc/@v1/{machine}"
         self.client = client
         self._numbers = itertools.count(1)

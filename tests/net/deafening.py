@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import json
 import queue
 import ssl
 import threading
@@ -13,6 +12,8 @@ from contextlib import contextmanager
 
 import zenoh
 
+from tests.zenoh_sessions import opened
+
 # a subscriber on "mc/@v1/…/tele" and this: Zenoh takes the key apart before it has looked at it
 KEY_END, MALFORMED = b"\x03/**", b"\x03**-"
 LIMIT_S = 5.0
@@ -20,16 +21,8 @@ LIMIT_S = 5.0
 
 def stranger(endpoint: str) -> zenoh.Session:
     """A plain client session."""
-    config = zenoh.Config()
-    settings = {
-        "mode": "client",
-        "connect/endpoints": [endpoint],
-        "connect/timeout_ms": int(1000 * LIMIT_S),
-        "scouting/multicast/enabled": False,
-    }
-    for key, value in settings.items():
-        config.insert_json5(key, json.dumps(value))
-    return zenoh.open(config)
+    timeout_ms = int(1000 * LIMIT_S)
+    return opened({"mode": "client", "connect/endpoints": [endpoint], "connect/timeout_ms": timeout_ms})
 
 
 def deafen(

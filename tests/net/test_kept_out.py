@@ -19,20 +19,13 @@ from mcserver.server import ServerOptions, running
 from tests.bench.server import free_port
 from tests.net.client import WireClient
 from tests.service.fakes import FakePipelines, FakePort, three_axes
+from tests.zenoh_sessions import opened
 
 LIMIT_S = 60.0
 
 
-def session(**settings: object) -> zenoh.Session:
-    config = zenoh.Config()
-    config.insert_json5("scouting/multicast/enabled", "false")
-    for key, value in settings.items():
-        config.insert_json5(key.replace("__", "/"), json.dumps(value))
-    return zenoh.open(config)
-
-
 def router(endpoint: str) -> zenoh.Session:
-    return session(mode="router", listen__endpoints=[endpoint])
+    return opened({"mode": "router", "listen/endpoints": [endpoint]})
 
 
 @contextmanager
@@ -43,8 +36,8 @@ def strangers(endpoint: str, zenoh_id: str) -> Iterator[threading.Event]:
     def insist() -> None:
         while not ended.is_set():
             try:
-                settings = {"mode": "client", "id": zenoh_id, "connect__timeout_ms": 500}
-                with session(connect__endpoints=[endpoint], **settings) as made:
+                settings = {"mode": "client", "id": zenoh_id, "connect/timeout_ms": 500}
+                with opened({"connect/endpoints": [endpoint], **settings}) as made:
                     inside.set()
                     while made.info.routers_zid() and not ended.is_set():
                         ended.wait(0.01)

@@ -6,7 +6,6 @@ import asyncio
 from pathlib import Path
 
 import pytest
-import zenoh
 
 from mcserver.errors import ServiceError
 from mcserver.net import endpoint
@@ -15,6 +14,7 @@ from mcserver.server import ServerOptions, running
 from tests.net.client import WireClient
 from tests.net.conftest import Rig
 from tests.service.fakes import FakePipelines, FakePort, three_axes
+from tests.zenoh_sessions import opened
 
 
 async def test_a_second_server_of_the_same_name_does_not_start(
@@ -34,11 +34,8 @@ async def test_a_second_server_of_the_same_name_does_not_start(
 async def test_a_server_says_so_when_another_one_of_its_name_comes(rig: Rig, client: WireClient) -> None:
     events = client.subscribe("event")
     await client.call("status")
-    config = zenoh.Config()
-    config.insert_json5("mode", '"client"')
-    config.insert_json5("connect/endpoints", f'["{rig.endpoint}"]')
-    config.insert_json5("scouting/multicast/enabled", "false")
-    with await asyncio.to_thread(zenoh.open, config) as other:
+    settings = {"mode": "client", "connect/endpoints": [rig.endpoint]}
+    with await asyncio.to_thread(opened, settings) as other:
         token = other.liveliness().declare_token(f"mc/@v1/{rig.service.machine.name}/live/another")
         warning = await events.first(lambda event: event["kind"] == "warning")
         assert warning["reason"] == "MC528"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import signal
 import subprocess
 import sys
@@ -18,6 +17,7 @@ from mcserver.net import configuration
 from mcserver.net.configuration import SETTINGS
 from tests.net.client import WireClient
 from tests.net.conftest import Rig, running_rig
+from tests.zenoh_sessions import locator_of, opened
 
 # Stops its own network threads at once, so that no reply is ever read, then asks as long as anything fits.
 GREEDY = """
@@ -105,26 +105,7 @@ async def answered(client: WireClient) -> bool:
 
 def opened_router(server: str) -> zenoh.Session:
     """A router with a site's quality of service for replies, as patient as the server."""
-    config = zenoh.Config()
     shared = ("qos/", "transport/link/tx/queue")
     taken = {key: value for key, value in SETTINGS.items() if key.startswith(shared)}
-    settings = {
-        **taken,
-        "mode": "router",
-        "listen/endpoints": ["tcp/127.0.0.1:0"],
-        "connect/endpoints": [server],
-        "scouting/multicast/enabled": False,
-        "adminspace/enabled": True,
-    }
-    for key, value in settings.items():
-        config.insert_json5(key, json.dumps(value))
-    return zenoh.open(config)
-
-
-def locator_of(router: zenoh.Session) -> str:
-    """Where it listens."""
-    for reply in router.get(f"@/{router.zid()}/*", timeout=2.0):
-        if reply.ok is not None:
-            found: list[str] = json.loads(reply.ok.payload.to_bytes())["locators"]
-            return next(each for each in found if "127.0.0.1" in each)
-    raise RuntimeError("the router does not say where it listens")
+    ends = {"listen/endpoints": ["tcp/127.0.0.1:0"], "connect/endpoints": [server]}
+    return opened({**taken, **ends, "mode": "router", "adminspace/enabled": True})

@@ -6,7 +6,6 @@ Only the types are shared; another implementation of all of it is `tests/ros/pee
 from __future__ import annotations
 
 import asyncio
-import json
 import secrets
 import struct
 import time
@@ -19,6 +18,7 @@ from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
 from mcserver.ros.interfaces import interfaces
 from mcserver.ros.stamps import duration_of, stamp_of
+from tests.zenoh_sessions import opened
 
 GID = bytes(range(16))
 
@@ -43,15 +43,9 @@ class WirePeer:
     """A session; use it from one loop."""
 
     def __init__(self, endpoint: str, domain: int = 0) -> None:
-        config = zenoh.Config()
-        for name, value in (
-            ("mode", "client"),
-            ("connect/endpoints", [endpoint]),
-            ("scouting/multicast/enabled", False),
-            ("timestamping/enabled", True),
-        ):
-            config.insert_json5(name, json.dumps(value))
-        self.session = zenoh.open(config)
+        self.session = opened(
+            {"mode": "client", "connect/endpoints": [endpoint], "timestamping/enabled": True}
+        )
         self.domain = domain
         self._loop = asyncio.get_running_loop()
         self._number = 0

@@ -14,23 +14,15 @@ import pytest
 import zenoh
 
 from tests.bench.server import client_config, free_port
+from tests.zenoh_sessions import opened
 
 FILE = Path(__file__).parents[2] / "deploy/zenoh/region.json5"
 LIMIT_S = 10.0
 
 
 def router(listen: str, connect: list[str], downsampling: list[Any]) -> zenoh.Session:
-    config = zenoh.Config()
-    settings: dict[str, object] = {
-        "mode": "router",
-        "listen/endpoints": [listen],
-        "connect/endpoints": connect,
-        "scouting/multicast/enabled": False,
-        "downsampling": downsampling,
-    }
-    for key, value in settings.items():
-        config.insert_json5(key, json.dumps(value))
-    return zenoh.open(config)
+    ends = {"listen/endpoints": [listen], "connect/endpoints": connect}
+    return opened({"mode": "router", **ends, "downsampling": downsampling})
 
 
 def written() -> list[Any]:

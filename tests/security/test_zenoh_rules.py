@@ -17,6 +17,7 @@ from mcserver.security.access import access_control
 from tests.bench.server import free_port
 from tests.net.deafening import deafen
 from tests.security.conftest import MACHINE, RunningSite
+from tests.zenoh_sessions import opened
 
 LIMIT_S = 10.0
 # long enough for a message that is let through to be there: what is not must not come
@@ -121,23 +122,15 @@ def test_a_subject_without_an_interface_is_everywhere(interface: str | None, arr
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     heard: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     with (
-        opened(mode="router", listen__endpoints=[endpoint], access_control=control),
-        opened(mode="client", connect__endpoints=[endpoint]) as one,
-        opened(mode="client", connect__endpoints=[endpoint]) as other,
+        opened({"mode": "router", "listen/endpoints": [endpoint], "access_control": control}),
+        opened({"mode": "client", "connect/endpoints": [endpoint]}) as one,
+        opened({"mode": "client", "connect/endpoints": [endpoint]}) as other,
         one.declare_subscriber("k", lambda sample: heard.put(sample.payload.to_bytes())),
     ):
         time.sleep(SETTLED_S)
         other.put("k", b"x")
         time.sleep(SETTLED_S)
         assert (not heard.empty()) == arrives
-
-
-def opened(**settings: object) -> zenoh.Session:
-    config = zenoh.Config()
-    config.insert_json5("scouting/multicast/enabled", "false")
-    for key, value in settings.items():
-        config.insert_json5(key.replace("__", "/"), json.dumps(value))
-    return zenoh.open(config)
 
 
 # ------------------------------------------------------------ malformed declarations (docs/security.md)
