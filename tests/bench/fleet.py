@@ -15,7 +15,7 @@ import sys
 from collections.abc import Iterator
 
 from tests.bench.figures import Figure, NotAvailable
-from tests.bench.server import free_port
+from tests.bench.server import companion, free_port
 from tests.bench.telemetry import cpu_seconds, resident_mib
 
 SIZES = (10, 100, 1000)
@@ -56,20 +56,12 @@ def _fleet(machines: int, routers: int) -> list[Figure]:
         endpoints = [f"tcp/127.0.0.1:{free_port()}" for _ in range(routers)]
         pids = []
         for number, endpoint in enumerate(endpoints):
-            command = ["-m", "tests.bench.plain_router", endpoint, *endpoints[:number]]
-            pids.append(stack.enter_context(_running(command)))
+            router = companion("tests.bench.plain_router", endpoint, *endpoints[:number])
+            pids.append(stack.enter_context(router).pid)
         for number, endpoint in enumerate(endpoints):
             share = machines // routers
-            options = [
-                "--machines",
-                str(share),
-                "--first",
-                str(1 + number * share),
-                "--state-hz",
-                str(STATE_HZ),
-            ]
-            command = ["-m", "mcserver", "fleet-sim", *options, "--connect", endpoint]
-            stack.enter_context(_running(command, narrates=True))
+            options = [f"--machines={share}", f"--first={1 + number * share}", f"--state-hz={STATE_HZ}"]
+            stack.enter_context(_light_machines(*options, "--connect", endpoint))
         viewer = subprocess.Popen(
             [sys.executable, "-m", "tests.bench.fleet_viewer", endpoints[0], str(machines)],
             stdout=subprocess.PIPE,
@@ -105,21 +97,16 @@ def _fleet(machines: int, routers: int) -> list[Figure]:
 
 
 @contextlib.contextmanager
-def _running(command: list[str], *, narrates: bool = False) -> Iterator[int]:
+def _light_machines(*options: str) -> Iterator[None]:
     process = subprocess.Popen(
-        [sys.executable, *command],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.DEVNULL if narrates else subprocess.PIPE,
-        stderr=subprocess.PIPE if narrates else None,
-        text=True,
+        [sys.executable, "-m", "mcserver", "fleet-sim", *options], stderr=subprocess.PIPE, text=True
     )
     try:
-        said = process.stderr if narrates else process.stdout
-        assert said is not None
-        line = said.readline()
-        if "ready" not in line and "light machines" not in line:
-            raise NotAvailable(f"{' '.join(command)} does not start: {line}{said.read()[-300:]}")
-        yield process.pid
+        assert process.stderr is not None
+        line = process.stderr.readline()
+        if "light machines" not in line:
+            raise NotAvailable(f"fleet-sim does not start: {line}{process.stderr.read()[-300:]}")
+        yield
     finally:
         process.terminate()
         process.communicate(timeout=30)

@@ -10,19 +10,18 @@ import json
 import os
 import shutil
 import socket
-import subprocess
 import sys
 import threading
 import time
 import urllib.request
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
 
 from websockets.sync.client import connect
 
 from tests.bench.figures import Figure, NotAvailable
 from tests.bench.recorder import late_cycles
-from tests.bench.server import end, free_port, server
+from tests.bench.server import free_port, running, server
 from tests.bench.telemetry import cpu_seconds, cpu_share
 
 # until a process has imported all and reached the machine, and how long until it is read at most [s]
@@ -164,16 +163,6 @@ def burn(share: float) -> None:
         while time.process_time() < until:
             pass
         time.sleep(0.01 * max(0.0, 1.0 - share))
-
-
-@contextmanager
-def running(command: Sequence[str]) -> Iterator[subprocess.Popen[bytes]]:
-    """A process that ends with the block."""
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    try:
-        yield process
-    finally:
-        end(process)
 
 
 class Reading:

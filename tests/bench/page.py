@@ -18,7 +18,7 @@ from tempfile import TemporaryDirectory
 from mcclient import MotionError, sync
 
 from tests.bench.figures import Figure, NotAvailable, percentile
-from tests.bench.server import end, free_port, server
+from tests.bench.server import end, free_port, running, server
 from tests.bench.telemetry import cpu_share
 from tests.e2e.servers import ROOT, CommandProcess, environment
 
@@ -69,31 +69,15 @@ def _machine_page() -> list[Figure]:
 def _fleet_page() -> list[Figure]:
     found = []
     for machines in FLEETS:
-        with fleet(machines) as endpoint, page(endpoint) as (process, url):
+        endpoint = f"tcp/127.0.0.1:{free_port()}"
+        command = [sys.executable, "-m", "mcserver", "fleet-sim", "-n", str(machines), "--listen", endpoint]
+        with running(command), page(endpoint) as (process, url):
             for count in (1, 10):
                 with viewers(url, count, settle_s=20.0):
                     share = cpu_share(process.pid)
                 what = f"CPU of the page, {count} on the fleet of {machines}"
                 found.append(Figure(what, share, "% of a core"))
     return found
-
-
-@contextmanager
-def fleet(machines: int) -> Iterator[str]:
-    """Light machines in a process of their own; their endpoint."""
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
-    command = [sys.executable, "-m", "mcserver", "fleet-sim", "--machines", str(machines)]
-    process = subprocess.Popen(
-        [*command, "--listen", endpoint],
-        cwd=ROOT,
-        env=environment(),
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    try:
-        yield endpoint
-    finally:
-        end(process)
 
 
 @contextmanager

@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +16,7 @@ import msgspec
 import zenoh
 
 from tests.bench.figures import NotAvailable
-from tests.e2e.servers import START_LIMIT_S, ServerProcess
+from tests.e2e.servers import ROOT, START_LIMIT_S, ServerProcess, environment
 
 # on a computer that is busy with other work
 STOP_LIMIT_S = 60.0
@@ -84,6 +84,18 @@ def companion(*command: str) -> Iterator[subprocess.Popen[str]]:
     finally:
         if not process.stdout.closed:
             process.communicate(timeout=30)
+
+
+@contextmanager
+def running(command: Sequence[str]) -> Iterator[subprocess.Popen[bytes]]:
+    """A process that nobody listens to; it ends with the block."""
+    process = subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=ROOT, env=environment()
+    )
+    try:
+        yield process
+    finally:
+        end(process)
 
 
 def end(process: subprocess.Popen[Any]) -> None:

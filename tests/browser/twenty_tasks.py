@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import re
 import signal
-import subprocess
 import sys
 import tempfile
 import time
@@ -23,10 +22,10 @@ from mcclient import sync
 from playwright.sync_api import Locator, Page, TimeoutError, expect, sync_playwright
 
 from mcserver.web.users import Role, add_user
-from tests.bench.server import end
+from tests.bench.server import running
 from tests.browser.conftest import CHROMIUM, FLAGS, WIDE, PageProcess
 from tests.browser.operator import Operator, Way, seat
-from tests.e2e.servers import ROOT, START_LIMIT_S, ServerProcess, environment
+from tests.e2e.servers import ROOT, START_LIMIT_S, ServerProcess
 
 LIMIT_MS = 120_000
 LOOK_MS = 50
@@ -36,6 +35,7 @@ MOST_PRESSES = 5
 MOST_CLICKS = 5
 # of a phone and a tablet
 HEIGHTS = {360: 740, 768: 1024}
+MCSERVER = (sys.executable, "-m", "mcserver")
 PASSWORD = "battery staple of {}"
 LONG = "G1010\nG21 G90\nG01 X0 F6000\nG01 X200 F{feed}\nG01 X0 F6000\n"
 
@@ -485,22 +485,6 @@ MORE = {
 }
 
 
-@contextmanager
-def command(*arguments: str) -> Iterator[None]:
-    """``mcserver ARGUMENTS`` as a process of its own that nobody waits for."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "mcserver", *arguments],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        env=environment(),
-        cwd=ROOT,
-    )
-    try:
-        yield
-    finally:
-        end(process)
-
-
 OWN_BUTTON = """
 [[button]]
 name = "park"
@@ -531,10 +515,10 @@ def site(folder: Path, way: Way, width: int) -> Iterator[Tasks]:
         stack.callback(mill.close)
         mill.start()
         history = ["history", str(folder / "history"), "--connect", mill.endpoint, "--period", "1"]
-        stack.enter_context(command(*history))
+        stack.enter_context(running([*MCSERVER, *history]))
         arm = ["run", "--machine", "arm6", "--name", "arm", "--connect", mill.endpoint, "--no-recorder"]
         arm += ["--listen", "tcp/127.0.0.1:0", "--journal", str(folder / "arm/journal.db")]
-        stack.enter_context(command(*arm))
+        stack.enter_context(running([*MCSERVER, *arm]))
         page = PageProcess(
             mill.endpoint,
             folder / "programs",

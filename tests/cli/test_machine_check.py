@@ -52,23 +52,13 @@ def test_axes_are_named_as_in_programs(index: int, name: str) -> None:
     assert axis_name(index) == name
 
 
-ROTARY = """
-[[axis]]
-index = {index}
-type = "rotary"
-max_velocity = 100.0
-max_acceleration = 1000.0
-max_jerk = 1e9
-[axis.drive]
-initial_position = {start}
-"""
-
-
 def _dog_leg(folder: Path, *tools: str, knee: float = -90.0) -> str:
     """A machine file with the robot dog's front left leg."""
     text = '[machine]\nname = "leg"\n[kinematics]\nurdf = "robot-dog.urdf"\n'
     text += "".join(f"[[tool]]\n{tool}\n" for tool in tools)
-    text += "".join(ROTARY.format(index=index, start=(0.0, 40.0, knee)[index]) for index in range(3))
+    for index, start in enumerate((0.0, 40.0, knee)):
+        keys = f"initial_position = {start}"
+        text += axes_text((index,), rotary=True, keys="max_jerk = 1e9", drive="simulated", drive_keys=keys)
     file = folder / "leg.toml"
     file.write_text(text, "utf-8")
     return str(file)

@@ -11,25 +11,17 @@ from mcserver.ros.outcome import INVALID_GOAL, Status
 from tests.e2e.conftest import served
 from tests.e2e.ros_bridge import DOMAIN, start_bridge
 from tests.e2e.servers import ServerProcess
+from tests.machine_text import axes_text
 from tests.ros.wire import FollowClient, WirePeer, trajectory
 
-AXIS = """
-[[axis]]
-index = {index}
-type = "linear"
-max_velocity = 500.0
-max_acceleration = 5000.0
-max_jerk = 100000.0
+KEYS = """max_jerk = 100000.0
 min_position = 0.0
 max_position = 400.0
 in_position = 0.01
-max_following_error = 10.0
-[axis.drive]
-kind = "ideal"
-"""
+max_following_error = 10.0"""
 MACHINE = (
     '[machine]\nname = "gantry"\ncycle_hz = 500\n'
-    + "".join(AXIS.format(index=index) for index in range(2))
+    + axes_text(range(2), velocity=500.0, acceleration=5000.0, keys=KEYS)
     + """
 [clearance]
 [[body]]

@@ -24,6 +24,7 @@ from mcserver.service.axis_reports import AxisReports
 from mcserver.simulation.simulation import simulate
 from tests.executor.planned import Planned
 from tests.executor.rig import CYCLE_S, Array, Program
+from tests.machine_text import axes_text
 
 if TYPE_CHECKING:
     from mcserver.service.event_log import EventLog
@@ -63,10 +64,8 @@ def text_of(z: str, probe: str, drive: str) -> str:
     text += f'[[input]]\nnumber = 4\nname = "touch"\n[probe]\n{probe}\n'
     for index, limits in enumerate(LIMITS):
         velocity, acceleration, jerk = 1e3 * limits
-        text += f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = {velocity}\n'
-        text += f"max_acceleration = {acceleration}\nmax_jerk = {jerk}\n"
-        text += f"min_position = -10.0\nmax_position = 200.0\n{z if index == 2 else ''}\n"
-        text += f'[axis.drive]\nkind = "{drive}"\n'
+        keys = f"max_jerk = {jerk}\nmin_position = -10.0\nmax_position = 200.0\n{z if index == 2 else ''}"
+        text += axes_text((index,), velocity=velocity, acceleration=acceleration, keys=keys, drive=drive)
     return text
 
 
