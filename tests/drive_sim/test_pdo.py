@@ -214,20 +214,15 @@ def test_event_driven_values_act_at_once(bench: Bench) -> None:
     assert bench.state == 0x21
 
 
-def test_a_pdo_that_is_too_short_is_not_processed_and_reported() -> None:
+@pytest.mark.parametrize(("length", "code", "target"), [(6, 0x8210, 0), (8, 0x8220, 77)])
+def test_a_pdo_of_a_wrong_length_is_reported_and_processed_where_it_is_too_long(
+    length: int, code: int, target: int
+) -> None:
     bench = Bench().operate()
-    bench.receive(Function.RPDO1 + NODE, struct.pack("<Hbi", 0, 8, 77)[:-1])
+    bench.receive(Function.RPDO1 + NODE, struct.pack("<Hbib", 0, 8, 77, 1)[:length])
     bench.receive(SYNC)
-    assert bench.emergencies() == [0x8210, 0x0000]
-    assert bench.read(0x607A, 0, "i") == 0
-
-
-def test_a_pdo_that_is_too_long_is_processed_and_reported() -> None:
-    bench = Bench().operate()
-    bench.receive(Function.RPDO1 + NODE, struct.pack("<Hbi", 0, 8, 77) + b"\x01")
-    bench.receive(SYNC)
-    assert bench.emergencies() == [0x8220, 0x0000]
-    assert bench.read(0x607A, 0, "i") == 77
+    assert bench.emergencies() == [code, 0x0000]
+    assert bench.read(0x607A, 0, "i") == target
 
 
 @pytest.mark.parametrize(

@@ -43,11 +43,27 @@ def test_nothing_jumps_in_the_cycle_of_the_reference() -> None:
     assert abs(errors[jumps[0] + 1] - errors[jumps[0]]) < 1e-6
 
 
-def test_towards_positive_the_same() -> None:
-    homing = SWITCH + 'direction = "positive"\nposition = 90.0'
-    cell = Cell(machine(("home_switch = [42.0, 1000.0]", homing)))
+AT_INPUT = '[[input]]\nnumber = 3\nname = "home"\n[[input]]\nnumber = 1\nname = "door"\n'
+
+
+@pytest.mark.parametrize(
+    ("drive", "homing", "offset"),
+    [
+        # towards positive
+        ("home_switch = [42.0, 1000.0]", SWITCH + 'direction = "positive"\nposition = 90.0', 90.0 - 42.0),
+        # a turn is 5 mm: indices at … -38.75, -33.75; away from the switch the next is -33.75
+        ("home_switch = [-1000.0, -37.0]\nindex_at = 1.25", SWITCH + "index = true\nposition = 0.0", 33.75),
+        # the index alone
+        ("index_at = -3.0", 'method = "index"\nlatch_velocity = 5.0', 3.0),
+        # nobody needs to set the input of a simulated axis with a switch
+        ("home_switch = [-1000.0, -20.0]", SWITCH + "input = 3", 20.0),
+    ],
+)
+def test_a_reference_is_exact(drive: str, homing: str, offset: float) -> None:
+    cell = Cell(machine((drive, homing), more=AT_INPUT))
     cell.find_home(0)
-    assert cell.offset[0] == pytest.approx(90.0 - 42.0, abs=1e-9)
+    assert cell.faults == []
+    assert cell.offset[0] == pytest.approx(offset, abs=1e-9)
 
 
 def test_a_jerk_limit_holds_while_homing() -> None:
@@ -81,9 +97,6 @@ def test_a_switch_without_a_latch_is_taken_between_two_readings() -> None:
     assert cell.offset[0] == pytest.approx(37.125, abs=1.001e-3)
 
 
-AT_INPUT = '[[input]]\nnumber = 3\nname = "home"\n[[input]]\nnumber = 1\nname = "door"\n'
-
-
 def test_a_switch_at_an_input_is_found_where_the_input_changes() -> None:
     cell = Cell(machine(("", SWITCH + "input = 3"), more=AT_INPUT))
     column = [each.number for each in cell.machine.inputs].index(3)
@@ -96,28 +109,6 @@ def test_a_switch_at_an_input_is_found_where_the_input_changes() -> None:
     assert cell.faults == []
     # the input is seen in the cycle after: 4 µs at 2 mm/s
     assert cell.offset[0] == pytest.approx(20.0, abs=0.01)
-
-
-def test_a_simulated_axis_with_a_switch_needs_nobody_who_sets_the_input() -> None:
-    cell = Cell(machine(("home_switch = [-1000.0, -20.0]", SWITCH + "input = 3"), more=AT_INPUT))
-    cell.find_home(0)
-    assert cell.offset[0] == pytest.approx(20.0, abs=1e-9)
-
-
-def test_the_index_behind_the_switch_counts() -> None:
-    homing = SWITCH + "index = true\nposition = 0.0"
-    cell = Cell(machine(("home_switch = [-1000.0, -37.0]\nindex_at = 1.25", homing)))
-    cell.find_home(0)
-    assert cell.faults == []
-    # a turn is 5 mm: indices at … -38.75, -33.75; away from the switch the next is -33.75
-    assert cell.offset[0] == pytest.approx(33.75, abs=1e-9)
-
-
-def test_the_index_alone_is_a_reference() -> None:
-    homing = 'method = "index"\nlatch_velocity = 5.0'
-    cell = Cell(machine(("index_at = -3.0", homing)))
-    cell.find_home(0)
-    assert cell.offset[0] == pytest.approx(3.0, abs=1e-9)
 
 
 def test_a_hard_stop_is_found_by_torque_and_left_again() -> None:

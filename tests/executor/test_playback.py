@@ -156,42 +156,27 @@ def test_an_axis_may_join_a_motion_under_way() -> None:
     assert np.allclose(rig.setpoint[1:201], first, atol=1e-12)
 
 
-def test_a_first_row_far_from_the_axis_is_refused() -> None:
-    rig = Rig(machine())
-    program = rig.program
-    program.capture()
-    program.start_line(9)
-    program.position[0] = 0.5
-    program.move({0: 0.6}, 100)
-    program.finish()
-    fault = rig.run_until(EventKind.FAULT)
-    rig.run()
-    assert (fault.code, fault.axis, fault.line) == (409, 0, 9)
-    assert np.all(rig.setpoint[:, 0] == 0.0)
-
-
-def test_a_coordinated_motion_needs_energized_axes() -> None:
-    rig = Rig(machine())
-    program = rig.program
-    program.capture(mask=1)
-    program.start_line(2)
-    program.move({0: 0.1, 1: 0.1}, 100)
-    program.finish()
-    fault = rig.run_until(EventKind.FAULT)
-    rig.run()
-    assert (fault.code, fault.axis, fault.line) == (401, 1, 2)
-    assert np.all(rig.setpoint == 0.0)
-    assert rig.of(EventKind.STOPPED)
-
-
-def test_a_setpoint_outside_the_travel_is_refused() -> None:
+@pytest.mark.parametrize(
+    ("mask", "begin", "end", "code", "axis", "most"),
+    [
+        # a first row far from the axis; an axis that is not energized; a setpoint outside the travel
+        (0b11, 0.05, {0: 0.04}, 409, 0, 0.0),
+        (0b01, 0.0, {0: 0.04, 1: 0.04}, 401, 1, 0.0),
+        (0b11, 0.0, {0: 0.06}, 404, 0, 0.05 + 1e-5 + 1e-12),
+    ],
+)
+def test_rows_that_an_axis_cannot_follow_are_refused_with_their_line(
+    mask: int, begin: float, end: dict[int, float], code: int, axis: int, most: float
+) -> None:
     rig = Rig(machine(travel=50.0))
     program = rig.program
-    program.capture()
-    program.start_line(3)
-    program.move({0: 0.06}, 200)
+    program.capture(mask=mask)
+    program.start_line(9)
+    program.position[0] = begin
+    program.move(end, 200)
     program.finish()
     fault = rig.run_until(EventKind.FAULT)
     rig.run()
-    assert (fault.code, fault.axis) == (404, 0)
-    assert rig.setpoint[:, 0].max() <= 0.05 + 1e-5 + 1e-12
+    assert (fault.code, fault.axis, fault.line) == (code, axis, 9)
+    assert np.abs(rig.setpoint).max() <= most
+    assert rig.of(EventKind.STOPPED)

@@ -78,19 +78,15 @@ def come_and_go(rig: Rig, faults: int, *, cycles: int) -> None:
             rig.cycles(cycles)
 
 
-def test_faults_one_after_the_other_fill_no_disk(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("faults", "cycles", "later", "count"), [(20, 200, 0, 1), (2, 500, 31_000, 2)])
+def test_faults_one_after_the_other_fill_no_disk_and_are_written_later(
+    tmp_path: Path, faults: int, cycles: int, later: int, count: int
+) -> None:
     rig = Rig(tmp_path, after_s=0.1)
     rig.cycles(100)
-    come_and_go(rig, 20, cycles=200)
-    assert len(boxes(rig)) == 1
-
-
-def test_a_fault_soon_after_another_is_written_later(tmp_path: Path) -> None:
-    rig = Rig(tmp_path, after_s=0.1)
-    rig.cycles(100)
-    come_and_go(rig, 2, cycles=500)
-    rig.cycles(31_000)
-    assert len(boxes(rig)) == 2
+    come_and_go(rig, faults, cycles=cycles)
+    rig.cycles(later)
+    assert len(boxes(rig)) == count
 
 
 def test_a_short_box_does_not_lose_the_second_fault_to_the_pause(tmp_path: Path) -> None:

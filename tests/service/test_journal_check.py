@@ -99,10 +99,15 @@ def test_a_program_whose_lines_are_wrong_or_gone_is_set_aside(tmp_path: Path, st
     assert "running" not in programs_of(path)
 
 
-def test_a_program_that_is_gone_is_named_by_what_is_left_of_it(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "statement",
+    # of a program and of the counts themselves
+    ["DELETE FROM programs WHERE program='running'", "UPDATE sums SET rows=7 WHERE of='programs'"],
+)
+def test_a_program_that_is_gone_is_named_by_what_is_left_of_it(tmp_path: Path, statement: str) -> None:
     path = tmp_path / "journal.db"
     stopped(path)
-    change(path, "DELETE FROM programs WHERE program='running'")
+    change(path, statement)
     assert prepared(path).lost == ("running",)
     assert programs_of(path) == ["ended"]
 
@@ -115,14 +120,6 @@ def test_where_nothing_names_the_programs_that_are_gone_the_start_is_refused(tmp
             connection.execute(f"DELETE FROM {table}")
     with pytest.raises(ServiceError, match="which programs"):
         prepare_journal(path)
-
-
-def test_damage_of_the_counts_themselves_refuses_no_start(tmp_path: Path) -> None:
-    path = tmp_path / "journal.db"
-    stopped(path)
-    change(path, "UPDATE sums SET rows=7 WHERE of='programs'")
-    assert prepared(path).lost == ("running",)
-    assert programs_of(path) == ["ended"]
 
 
 def test_a_broken_index_costs_nothing(tmp_path: Path) -> None:

@@ -221,10 +221,11 @@ def test_lost_and_late_answers_neither_kick_the_axis_nor_end_its_motion() -> Non
     assert kicks["lost"] < kicks["quiet"] + 100
 
 
-def test_answers_that_stay_out_end_the_torque() -> None:
+@pytest.mark.parametrize("what", ["muted", "short"])
+def test_answers_that_stay_out_or_have_a_wrong_length_end_the_torque(what: str) -> None:
     bench = held()
     swing(bench, 100)
-    drive_of(bench).muted = True
+    setattr(drive_of(bench), what, True)
     bench.exchange(4, follow=False)
     assert bench.feedback.fault[0] == DriveFault.COMMUNICATION
     assert drive_of(bench).permille[-1] == 0
@@ -237,15 +238,6 @@ def test_nobody_is_blind_for_more_than_ten_cycles_whatever_the_bus_allows() -> N
     bench.exchange(30)
     drive_of(bench).muted = True
     bench.exchange(12, follow=False)
-    assert bench.feedback.fault[0] == DriveFault.COMMUNICATION
-    assert drive_of(bench).permille[-1] == 0
-
-
-def test_answers_of_a_wrong_length_count_as_lost() -> None:
-    bench = held()
-    bench.exchange(100, follow=False)
-    drive_of(bench).short = True
-    bench.exchange(4, follow=False)
     assert bench.feedback.fault[0] == DriveFault.COMMUNICATION
     assert drive_of(bench).permille[-1] == 0
 
