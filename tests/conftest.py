@@ -39,6 +39,7 @@ GROUPS = {
         "ethercat",
         "executor/test_process.py",
         "fire",
+        "fuzz/test_port.py",
         "gateway",
         "language/test_agents.py",
         "language/test_agents_http.py",
