@@ -20,11 +20,10 @@ Array = NDArray[np.float64]
 ROUNDS, TRUST = 14, 0.5
 # Share of the path at either end on which the rise from rest is bounded in closed form.
 RISE = 0.01
+NODES = 700
 
 
-def least_time(
-    points: Array, speed: float | Array, acceleration: float, jerk: float, nodes: int = 700
-) -> float:
+def least_time(points: Array, speed: float | Array, acceleration: float, jerk: float) -> float:
     """Return the least time from rest to rest [s].
 
     Args:
@@ -34,7 +33,7 @@ def least_time(
     along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
     curve = make_interp_spline(along, points, k=5)
     # closer together at both ends, where the speed rises from nothing
-    share = np.linspace(0.0, 1.0, nodes)
+    share = np.linspace(0.0, 1.0, NODES)
     s = along[-1] * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
     slopes = [curve.derivative(order)(s) for order in (1, 2, 3)]
     speeds: Array = np.interp(s, along, np.broadcast_to(speed, along.shape))

@@ -39,9 +39,9 @@ def desk(desk: Desk) -> Desk:
     return desk
 
 
-def backed_up(desk: Desk, axis: int = 0) -> Path:
-    path = desk.folder / f"axis{axis}.toml"
-    assert desk("backup", str(axis), "-o", str(path))[0] == 0
+def backed_up(desk: Desk) -> Path:
+    path = desk.folder / "axis0.toml"
+    assert desk("backup", "0", "-o", str(path))[0] == 0
     return path
 
 

@@ -165,9 +165,9 @@ def test_an_object_that_is_not_mapped_is_refused_with_what_is_and_how_to_get_mor
 # ------------------------------------------------------------ files
 
 
-def a_trace(cycles: int = 5000) -> ScopeTrace:
-    time_s = (np.arange(cycles) - 100.0) * 0.001
-    values = np.stack([np.sin(time_s), np.full(cycles, np.nan), np.cos(time_s)], axis=1)
+def a_trace() -> ScopeTrace:
+    time_s = (np.arange(5000) - 100.0) * 0.001
+    values = np.stack([np.sin(time_s), np.full(len(time_s), np.nan), np.cos(time_s)], axis=1)
     names = ("Position actual value", "Time", "Größe (neu)")
     return ScopeTrace(2, names, ("mm", "", "N·m"), ("6064h:00", "2000h:01", "2001h:00"), time_s, values)
 

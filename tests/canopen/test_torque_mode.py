@@ -16,14 +16,11 @@ from tests.drives.can_rig import machine
 from tests.drives.torque_drive import torque_machine
 
 
-def configured(
-    drive: str = "", *without: int, mode: str = "cst"
-) -> tuple[list[SdoWrite], PlannedProcessData]:
+def configured(drive: str = "", *without: int) -> tuple[list[SdoWrite], PlannedProcessData]:
     dictionary = generic_dictionary(1)
     for index in without:
         del dictionary.indices[index]
-    described = torque_machine(drive) if mode == "cst" else machine(1, drive=f'mode = "{mode}"\n{drive}')
-    [settings] = settings_of(described)
+    [settings] = settings_of(torque_machine(drive))
     return configure(settings, 0.001, dictionary, 127)
 
 

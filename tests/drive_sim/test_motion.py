@@ -44,9 +44,9 @@ def drive(bench: Bench, cycles: int, velocity: int = 0, torque: int = 0, control
         bench.cycle(controlword)
 
 
-def until_rest(bench: Bench, controlword: int, limit: int = 5000) -> int:
+def until_rest(bench: Bench, controlword: int) -> int:
     """Cycles until the target is reached; the last statusword."""
-    for _ in range(limit):
+    for _ in range(5000):
         statusword = bench.cycles(1, controlword)
         if statusword & TARGET_REACHED:
             return statusword

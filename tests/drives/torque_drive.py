@@ -52,9 +52,9 @@ class TorqueDrive(FakeDrive):
         self.position = round(self.exact)
 
 
-def torque_machine(drive: str = "", axis: str = "max_following_error = 2.0", axes: int = 1) -> Machine:
-    return machine(axes, drive=CST + drive, axis=axis)
+def torque_machine(drive: str = "", axis: str = "max_following_error = 2.0") -> Machine:
+    return machine(1, drive=CST + drive, axis=axis)
 
 
-def torque_bench(drive: str = "", position: int = 1000, axis: str = "max_following_error = 2.0") -> Bench:
-    return Bench(torque_machine(drive, axis), (position,), TorqueDrive)
+def torque_bench(drive: str = "", axis: str = "max_following_error = 2.0") -> Bench:
+    return Bench(torque_machine(drive, axis), (1000,), TorqueDrive)

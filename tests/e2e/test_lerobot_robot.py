@@ -89,9 +89,9 @@ def make_robot(server: ServerProcess, monkeypatch: pytest.MonkeyPatch) -> Iterat
             robot.disconnect()
 
 
-def lead(robot: McserverRobot, action: dict[str, float], seconds: float = 0.4) -> None:
+def lead(robot: McserverRobot, action: dict[str, float]) -> None:
     """Send an action over and over."""
-    for _ in range(round(seconds / 0.02)):
+    for _ in range(20):
         robot.send_action(action)
         time.sleep(0.02)
 

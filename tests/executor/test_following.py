@@ -61,16 +61,16 @@ def state(rig: Rig) -> SlotState:
     return rig.executor.feedback.slots[0].state
 
 
-def follow_sine(rig: Rig, stream: Stream, seconds: float, *, period: int = 10) -> tuple[Array, Array]:
+def follow_sine(rig: Rig, stream: Stream, seconds: float) -> tuple[Array, Array]:
     """Give targets of a sine of 1 Hz and 50 mm; return what was asked for and the setpoints."""
     asked: list[float] = []
     first = len(rig.setpoints)
     for cycle in range(round(seconds / CYCLE_S)):
         angle = 2.0 * math.pi * cycle * CYCLE_S
         asked.append(0.05 * math.sin(angle))
-        if cycle % period == 0:
+        if cycle % 10 == 0:
             speed = 0.1 * math.pi * math.cos(angle)
-            stream.put([asked[-1], 0.0], [speed, 0.0], in_s=period * CYCLE_S)
+            stream.put([asked[-1], 0.0], [speed, 0.0], in_s=10 * CYCLE_S)
         rig.step()
     return np.array(asked), rig.setpoint[first:, 0]
 

@@ -356,10 +356,10 @@ def test_every_field_of_the_start_counts_in_the_digest_and_in_what_has_changed()
 # ------------------------------------------------------------------ an envelope for a while
 
 
-async def approve(site: Site, text: str = TEXT, standing_s: float = 3600.0, override: float = 100.0) -> str:
+async def approve(site: Site, override: float = 100.0) -> str:
     """Arm a run, and whatever stays inside of it for a while."""
-    run = await site.ask(text)
-    request = wire.ArmRequest(sha256=run.sha256, override=override, number=run.number, standing_s=standing_s)
+    run = await site.ask(TEXT)
+    request = wire.ArmRequest(sha256=run.sha256, override=override, number=run.number, standing_s=3600.0)
     return site.arming.arm(ANNA, request).sha256
 
 

@@ -59,18 +59,12 @@ class Bench:
         await self.service.lines.submit("hmi", program.program, 1, list(lines))
         return program
 
-    async def until_acked(self, program: str, *, accepted: int = 0, done: int = 0, state: str = "") -> Ack:
+    async def until_acked(self, program: str, *, done: int = 0, state: str = "") -> Ack:
         """The first acknowledgement that shows at least this."""
 
         def found() -> list[Ack]:
-            return [
-                ack
-                for ack in self.acks
-                if ack.program == program
-                and ack.accepted >= accepted
-                and ack.done >= done
-                and state in ("", ack.state)
-            ]
+            these = (ack for ack in self.acks if ack.program == program)
+            return [ack for ack in these if ack.done >= done and state in ("", ack.state)]
 
         await self.until(lambda: bool(found()))
         return found()[0]

@@ -42,9 +42,9 @@ THREE_AXES = (
 
 
 @cache
-def three_axes(name: str = "bench") -> Machine:
+def three_axes() -> Machine:
     """Linear axes 0 and 1, rotary axis 2."""
-    return parse_machine(f'[machine]\nname = "{name}"\n{THREE_AXES}')
+    return parse_machine(f'[machine]\nname = "bench"\n{THREE_AXES}')
 
 
 class FakePort:

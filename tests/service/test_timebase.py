@@ -34,9 +34,9 @@ def clocks() -> Clocks:
     return Clocks()
 
 
-def log_of(clocks: Clocks, instance: str = "one") -> tuple[EventLog, list[Event]]:
+def log_of(clocks: Clocks) -> tuple[EventLog, list[Event]]:
     events: list[Event] = []
-    return EventLog(instance, clocks.timebase(), events.append), events
+    return EventLog("one", clocks.timebase(), events.append), events
 
 
 def test_an_event_carries_the_time_of_its_start_and_utc(clocks: Clocks) -> None:

@@ -142,11 +142,11 @@ def test_without_max_torque_the_rated_torque_is_the_greatest() -> None:
     assert max(drive_of(bench).permille) == 1000
 
 
-def run_away(bench: Bench, cycles: int = SECOND) -> int:
+def run_away(bench: Bench) -> int:
     """Lets it be pushed a little, then counts the cycles until it is given up."""
     drive = drive_of(bench)
     drive.load = 0.02 * RATED
-    for cycle in range(cycles):
+    for cycle in range(SECOND):
         bench.exchange(follow=False)
         if bench.feedback.state[0] == DriveState.FAULT:
             return cycle
