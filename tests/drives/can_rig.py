@@ -40,6 +40,12 @@ def machine(
     return parse_machine(text)
 
 
+def bus_in_memory(described: Machine, port: FakeBus, columns: Sequence[int] = (0,)) -> CanBus:
+    """The bus of these axes' drives, on a port that is already there."""
+    section = described.bus_of(described.axes[columns[0]])
+    return CanBus(described, section, list(columns), opener=lambda _: port, wait=lambda _: None)
+
+
 @dataclass
 class CanRig(Rig):
     """A `Rig` whose drives are fake ones on buses in memory."""
@@ -58,16 +64,7 @@ class CanRig(Rig):
             by_bus.setdefault(axis.drive.bus, []).append(column)
             position = self.positions[column] if self.positions else 0
             self.drives.append(self.make(port, axis.drive.node, position, described.cycle_s))
-        buses = [
-            CanBus(
-                described,
-                described.bus_of(described.axes[columns[0]]),
-                columns,
-                opener=self.ports.__getitem__,
-                wait=lambda _seconds: None,
-            )
-            for columns in by_bus.values()
-        ]
+        buses = [bus_in_memory(described, self.ports[name], columns) for name, columns in by_bus.items()]
         self.executor = VirtualExecutor(described, buses=buses, recorder=self._record, homed=self.homed)
         self.program = self.open(0)
 
@@ -88,14 +85,7 @@ class Bench:
             make(self.port, axis.drive.node, positions[column] if positions else 0, described.cycle_s)
             for column, axis in enumerate(described.axes)
         ]
-        columns = range(len(described.axes))
-        self.bus = CanBus(
-            described,
-            described.buses[0],
-            list(columns),
-            opener=lambda _address: self.port,
-            wait=lambda _seconds: None,
-        )
+        self.bus = bus_in_memory(described, self.port, range(len(described.axes)))
         self.feedback: Feedback = self.bus.boot()
         self.setpoints = Setpoints.of(len(described.axes))
         self.setpoints.position[:] = self.feedback.position

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from mcserver.can.cob import SYNC
-from mcserver.drives.can_bus import CanBus
 from mcserver.executor.entries import EventKind
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.shm.feedback import AxisCondition
 from mcserver.machine.machine_file import parse_machine
 from mcserver.motion.canonical import AxisOperation
 from mcserver.simulation.virtual_executor import VirtualExecutor
+from tests.drives.can_rig import bus_in_memory
 from tests.drives.fake_can import FakeBus, FakeDrive, FakeServosila
 from tests.executor.rig import Program
 from tests.machine_text import axes_text
@@ -35,13 +35,7 @@ class Mixed:
         self.port = FakeBus()
         self.servo = [FakeDrive(self.port, node, 10 * node, described.cycle_s) for node in (1, 3)]
         self.streamed = FakeServosila(self.port, 2, 500.0)
-        bus = CanBus(
-            described,
-            described.buses[0],
-            [0, 1, 2],
-            opener=lambda _address: self.port,
-            wait=lambda _seconds: None,
-        )
+        bus = bus_in_memory(described, self.port, range(3))
         self.executor = VirtualExecutor(described, buses=[bus])
         self.program = Program(self.executor.open_slot(0), 3)
 

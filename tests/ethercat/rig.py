@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
 import select
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
 
@@ -23,12 +22,12 @@ from mcserver.ethercat.mailbox_relay import MailboxServer, socket_pair
 from mcserver.ethercat.open import open_ethercat
 from mcserver.ethercat.operator_line import OperatorLine
 from mcserver.machine.machine_file import Machine, parse_machine
+from tests.network_namespace import entered
 
 LIMIT_S = 30.0
 CYCLE_HZ = 100
 # what runs here has no realtime priority
 SILENCE_CYCLES = 10
-_CLONE_NEWNET = 0x40000000
 
 
 def line_of(count: int, *, silence_cycles: int = SILENCE_CYCLES, drive: str = "", bus: str = "") -> str:
@@ -63,20 +62,9 @@ class Namespace:
     def close(self) -> None:
         _ip("netns", "delete", self.name)
 
-    @contextmanager
-    def entered(self) -> Iterator[None]:
+    def entered(self) -> AbstractContextManager[None]:
         """What this thread opens inside belongs to the namespace, and stays in it."""
-        libc = ctypes.CDLL(None, use_errno=True)
-        with (
-            Path("/proc/thread-self/ns/net").open("rb") as here,
-            Path(f"/run/netns/{self.name}").open("rb") as there,
-        ):
-            if libc.setns(there.fileno(), _CLONE_NEWNET):
-                raise OSError(ctypes.get_errno(), "setns")
-            try:
-                yield
-            finally:
-                libc.setns(here.fileno(), _CLONE_NEWNET)
+        return entered(self.name)
 
 
 class SimulatedLine:

@@ -7,7 +7,6 @@ and nothing of the kernel's traffic control.
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import fcntl
 import heapq
 import itertools
@@ -23,10 +22,11 @@ from pathlib import Path
 
 import msgspec
 
+from tests.network_namespace import entered
+
 SERVER_ADDRESS, CLIENT_ADDRESS = "10.98.7.1", "10.98.7.2"
 _TUNSETIFF = 0x400454CA
 _IFF_TUN_NO_PI = 0x0001 | 0x1000
-_CLONE_NEWNET = 0x40000000
 _PACKET = 65536
 # of packets under way in one direction: beyond it they are lost, as in any queue
 _QUEUE = 2000
@@ -150,26 +150,7 @@ def _run(*command: str) -> None:
 
 def _tun_in(namespace: str) -> int:
     """A TUN device ``bad0`` in a namespace; its descriptor can be used from anywhere."""
-    opened: list[int] = []
-    failed: list[OSError] = []
-
-    def work() -> None:
-        # of this thread alone, which ends with it
-        libc = ctypes.CDLL(None, use_errno=True)
-        with Path(f"/run/netns/{namespace}").open("rb") as there:
-            if libc.setns(there.fileno(), _CLONE_NEWNET):
-                failed.append(OSError(ctypes.get_errno(), "setns"))
-                return
-        try:
-            device = os.open("/dev/net/tun", os.O_RDWR | os.O_CLOEXEC)
-            fcntl.ioctl(device, _TUNSETIFF, struct.pack("16sH22x", b"bad0", _IFF_TUN_NO_PI))
-            opened.append(device)
-        except OSError as error:
-            failed.append(error)
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    thread.join()
-    if failed:
-        raise failed[0]
-    return opened[0]
+    with entered(namespace):
+        device = os.open("/dev/net/tun", os.O_RDWR | os.O_CLOEXEC)
+        fcntl.ioctl(device, _TUNSETIFF, struct.pack("16sH22x", b"bad0", _IFF_TUN_NO_PI))
+    return device

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import fcntl
 import hashlib
+import os
+import subprocess
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from tests.e2e.servers import ROOT
 
 NOTES = ROOT / "build" / "sdks"
+# Zenoh, or Maven's downloads, on a busy computer [s].
+BUILD_LIMIT_S = 900.0
 
 
 def build_once(
@@ -41,6 +45,21 @@ def build_once(
         note.truncate(0)
         build()
         note.write(digest)
+
+
+def build(command: list[str], folder: Path, **variables: str) -> str:
+    """Run a tool, with the registry's proxy if there is one, and say why where it fails; what was printed."""
+    done = subprocess.run(
+        command,
+        cwd=folder,
+        env={**os.environ, **variables},
+        capture_output=True,
+        text=True,
+        timeout=BUILD_LIMIT_S,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
 
 
 def digest_of(sources: Sequence[Path]) -> str:

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import os
 import shutil
-import subprocess
 from pathlib import Path
 
 from tests.e2e.servers import ROOT
+from tests.sdks.built import build
 
 FOLDER = ROOT / "clients" / "rust"
-# Zenoh, or Maven's downloads, on a busy computer [s].
-BUILD_LIMIT_S = 900.0
 
 
 def cargo(*arguments: str, **variables: str) -> str:
@@ -26,17 +24,7 @@ def cargo(*arguments: str, **variables: str) -> str:
     }
     if shutil.which("clippy-driver"):
         settings |= {"RUSTC_WORKSPACE_WRAPPER": "clippy-driver", "CLIPPY_ARGS": "-Dwarnings"}
-    done = subprocess.run(
-        ["cargo", *arguments],
-        cwd=FOLDER,
-        env={**os.environ, **settings},
-        capture_output=True,
-        text=True,
-        timeout=BUILD_LIMIT_S,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
+    return build(["cargo", *arguments], FOLDER, **settings)
 
 
 def build_folder() -> Path:

@@ -11,15 +11,12 @@ import shutil
 import subprocess
 import sys
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal
 
 from tests.e2e.servers import ROOT
 from tests.sdks import maven
-from tests.sdks.built import build_once
+from tests.sdks.built import build, build_once
 from tests.sdks.cargo import cargo
-
-BUILD_LIMIT_S = 900.0
 
 
 class ToolMissing(Exception):
@@ -106,12 +103,3 @@ def needed(tool: str) -> str:
     if found is None:
         raise ToolMissing(f"{tool} is not installed")
     return found
-
-
-def build(command: list[str], folder: Path) -> str:
-    """Build, with the registry's proxy if there is one, and say why where it fails; what was printed."""
-    done = subprocess.run(
-        command, cwd=folder, capture_output=True, text=True, timeout=BUILD_LIMIT_S, check=False
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout

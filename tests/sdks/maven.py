@@ -3,28 +3,17 @@
 from __future__ import annotations
 
 import os
-import subprocess
 from pathlib import Path
 
 from tests.e2e.servers import ROOT
+from tests.sdks.built import build
 
 FOLDER = ROOT / "clients" / "java"
-# Zenoh, or Maven's downloads, on a busy computer [s].
-BUILD_LIMIT_S = 900.0
 
 
 def maven(*arguments: str) -> None:
     """Run goals; what the compiler warns of is an error."""
-    done = subprocess.run(
-        ["mvn", "-q", "-B", *arguments],
-        cwd=FOLDER,
-        env={**os.environ, "LC_ALL": "C.UTF-8"},
-        capture_output=True,
-        text=True,
-        timeout=BUILD_LIMIT_S,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
+    build(["mvn", "-q", "-B", *arguments], FOLDER, LC_ALL="C.UTF-8")
 
 
 def java(*classes: Path) -> tuple[str, ...]:

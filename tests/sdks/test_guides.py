@@ -11,8 +11,8 @@ import pytest
 
 from tests.e2e.servers import ROOT
 from tests.gateway.conftest import GatewayProcess
+from tests.sdks.built import build
 from tests.sdks.conftest import environment, go_tool, typescript
-from tests.sdks.languages import build
 
 GO = re.findall(r"```go\n(package main\n.*?)```", (ROOT / "docs" / "go.md").read_text("utf-8"), re.DOTALL)
 TYPESCRIPT = re.findall(r"```ts\n(.*?)```", (ROOT / "docs" / "typescript.md").read_text("utf-8"), re.DOTALL)

@@ -3,25 +3,18 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import tomllib
-from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 
 from tests.e2e.servers import ROOT
+from tests.sdks.built import build
 from tests.sdks.conftest import needed, typescript
 
 CLIENTS = ROOT / "clients"
 LICENCE = (ROOT / "LICENSE").read_text("utf-8")
 MAVEN = "{http://maven.apache.org/POM/4.0.0}"
-
-
-def said(command: list[str], folder: Path) -> str:
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
 
 
 @pytest.mark.parametrize("language", ["go", "java", "python", "rust", "typescript"])
@@ -46,7 +39,7 @@ def test_all_sdks_have_one_version() -> None:
 def test_the_npm_package_has_its_code_types_and_licence_and_nothing_else() -> None:
     typescript()
     (packed,) = json.loads(
-        said([needed("npm"), "pack", "--dry-run", "--json", "--ignore-scripts"], CLIENTS / "typescript")
+        build([needed("npm"), "pack", "--dry-run", "--json", "--ignore-scripts"], CLIENTS / "typescript")
     )
     names = {each["path"] for each in packed["files"]}
     assert {"LICENSE", "README.md", "package.json", "dist/index.js", "dist/index.d.ts"} <= names
@@ -55,7 +48,7 @@ def test_the_npm_package_has_its_code_types_and_licence_and_nothing_else() -> No
 
 def test_the_crate_has_its_sources_and_licence_and_nothing_else() -> None:
     command = [needed("cargo"), "package", "--list", "--allow-dirty", "--offline", "--locked"]
-    names = set(said(command, CLIENTS / "rust").splitlines())
+    names = set(build(command, CLIENTS / "rust").splitlines())
     assert {"LICENSE", "README.md", "Cargo.toml", "src/lib.rs"} <= names
     known = ("src/", "examples/", "Cargo.", "LICENSE", "README.md", ".cargo_vcs_info.json")
     assert all(name.startswith(known) for name in names), names

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from tests.e2e.servers import ROOT
+from tests.sdks.built import build
 from tests.sdks.conftest import go_tool, needed, typescript
-from tests.sdks.languages import build
 
 
 def test_the_go_sdk_passes_its_tests() -> None:

@@ -12,7 +12,6 @@ from mcserver.canopen.configuration import configure
 from mcserver.canopen.dictionary import generic_dictionary
 from mcserver.canopen.settings import settings_of
 from mcserver.drives.bus import DriveFault, DriveMode, DriveState
-from mcserver.drives.can_bus import CanBus
 from mcserver.drives.cia402.profile_position import (
     ACKNOWLEDGED,
     HALT,
@@ -22,7 +21,7 @@ from mcserver.drives.cia402.profile_position import (
 )
 from mcserver.errors import ConfigurationError
 from mcserver.machine.machine_file import Machine, parse_machine
-from tests.drives.can_rig import Bench, machine
+from tests.drives.can_rig import Bench, bus_in_memory, machine
 from tests.drives.profile_drive import PP, ProfileDrive, agreed
 from tests.machine_text import axes_text
 
@@ -36,13 +35,7 @@ class ProfileBench(Bench):
         super().__init__(described)
         self.port.nodes.clear()
         self.drives = [ProfileDrive(self.port, 1, position, described.cycle_s)]
-        self.bus = CanBus(
-            described,
-            described.buses[0],
-            [0],
-            opener=lambda _address: self.port,
-            wait=lambda _seconds: None,
-        )
+        self.bus = bus_in_memory(described, self.port)
         self.feedback = self.bus.boot()
         self.setpoints.position[:] = self.feedback.position
         self.port.sent.clear()

@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mcserver.drives.bus import DriveFault, DriveMode, DriveState, Setpoints
-from mcserver.drives.can_bus import CanBus
 from mcserver.drives.servosila.codec import COMMAND_PACKING, LENGTH, unpack_reading, unpack_status
 from mcserver.errors import ConfigurationError
 from mcserver.executor.entries import EventKind
@@ -19,6 +18,7 @@ from mcserver.executor.shm.feedback import AxisCondition
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.motion.canonical import AxisOperation
 from mcserver.simulation.virtual_executor import VirtualExecutor
+from tests.drives.can_rig import bus_in_memory
 from tests.drives.fake_can import FakeBus, FakeServosila
 from tests.executor.rig import Rig
 from tests.machine_text import axes_text
@@ -44,13 +44,7 @@ class ServosilaRig(Rig):
 
     def __post_init__(self) -> None:
         self.drive = FakeServosila(self.port, 5, self.count)
-        bus = CanBus(
-            self.machine,
-            self.machine.buses[0],
-            [0],
-            opener=lambda _address: self.port,
-            wait=lambda _seconds: None,
-        )
+        bus = bus_in_memory(self.machine, self.port)
         self.executor = VirtualExecutor(self.machine, buses=[bus], recorder=self._record)
         self.program = self.open(0)
 
@@ -65,13 +59,7 @@ class Bench:
     def __init__(self, described: Machine, count: float = 0.0, every: int = 1) -> None:
         self.port = FakeBus()
         self.drive = FakeServosila(self.port, 5, count, every)
-        self.bus = CanBus(
-            described,
-            described.buses[0],
-            [0],
-            opener=lambda _address: self.port,
-            wait=lambda _seconds: None,
-        )
+        self.bus = bus_in_memory(described, self.port)
         self.feedback = self.bus.boot()
         self.setpoints = Setpoints.of(1)
 
