@@ -72,6 +72,8 @@ ODD_LINES = (
         "K5 X1",
     ),
 )
+# lines without motion that are read with those around them, or end a run
+RESTING = ("F900", "G1 F1200", "G01", "g0 f50", "F5", "F0", "N3 G1F30 (said)", "G2", "G1 F20\t", "F-3", "S5")
 JUNK = (*"GNXFAe_+-.,[]();% \t\n5O", "F0", "F-1", "F1e3", "inf")
 layout = st.one_of(
     st.sampled_from(
@@ -146,11 +148,14 @@ def stretches(draw: st.DrawFn) -> list[str]:
     numbered = draw(st.booleans())
     fed = draw(st.sampled_from([0.0, 0.0, 0.25, 1.0]))
     last = draw(st.booleans())
+    resting = draw(st.sampled_from([0.0, 0.0, 0.2]))
     comment = draw(st.sampled_from(["", "", " ; said", "(said)", " (é; ü)", ";(", " (a) ;b)"]))
     # Hypothesis chooses what matters; the many numbers come from one seed, which is quicker by far
     random = Random(draw(st.integers(0, 2**32)))
     lines: list[str] = []
     for row in range(draw(st.integers(1, 2 * MIN_LINES + 4))):
+        if random.random() < resting:
+            lines.append(random.choice(RESTING))
         gap = random.choice(BLANKS)
         text = gap.join(word + random.choice(BLANKS) + plain_number(random) for word in words)
         if random.random() < fed:

@@ -6,6 +6,7 @@ analysed once, and the numbers of all its lines are copied to their columns in o
 
 from __future__ import annotations
 
+import math
 from typing import Final, NamedTuple
 
 import msgspec
@@ -18,6 +19,8 @@ from mcserver.gcode.text.words import LARGEST
 from mcserver.motion.geometry.curves import Array
 
 _LINE_FEED: Final = b"\n"[0]
+# lines of F alone with a lower one, which may be a fault, are left to the block interpreter
+_SLOW: Final = 10.0
 # most patterns that are cached; a program has some tens
 _MAX_PATTERNS: Final = 1024
 
@@ -60,7 +63,8 @@ class WordTable(msgspec.Struct, frozen=True, eq=False):
 
     Attributes:
         taken: count of lines, including blank ones.
-        lines: shape (n,), indexes of the lines that are not blank, from 0.
+        lines: shape (n,), indexes of the lines that move something, from 0. begins: of the first line since
+            the one before that is not blank: what those without motion say of code and F counts for it.
         shapes: the different shapes. shape: shape (n,), index of each line's shape.
         axes: K axis numbers, increasing. values: shape (n, K), NaN where an axis is not named.
         offsets: I J K, shape (n, 3), NaN where not written. radii: R, shape (n,), likewise.
@@ -72,6 +76,7 @@ class WordTable(msgspec.Struct, frozen=True, eq=False):
 
     taken: int
     lines: NDArray[np.int64]
+    begins: NDArray[np.int64]
     shapes: tuple[Shape, ...]
     shape: NDArray[np.intp]
     axes: tuple[int, ...]
@@ -90,8 +95,9 @@ class WordTable(msgspec.Struct, frozen=True, eq=False):
         if count >= len(self.lines):
             return self
         return WordTable(
-            int(self.lines[count]),
+            int(self.begins[count]),
             self.lines[:count],
+            self.begins[:count],
             self.shapes,
             self.shape[:count],
             self.axes,
@@ -146,7 +152,9 @@ def pattern_of(letters: bytes, vocabulary: Vocabulary) -> Pattern | None:
     spindle, tool = others.get(ord("S"), -1), others.get(ord("T"), -1)
     unused = "".join(chr(letter) for letter in idle if others[letter] >= 0)
     shape = Shape(tuple(axes), tuple(offsets), radius >= 0)
-    if not (axes or (code >= 0 and offsets)) or (radius >= 0 and offsets):
+    # a code or F without motion
+    still = not (axes or offsets) and max(radius, spindle, tool) < 0 and not unused
+    if not (axes or (code >= 0 and offsets) or still) or (radius >= 0 and offsets):
         return None
     places = tuple(axes.values()), tuple(offsets.values())
     return Pattern(shape, *places, radius, feed, code, spindle, tool, unused)
@@ -285,9 +293,17 @@ def _table(
         fed = fed or pattern.feed >= 0
         spun = spun or pattern.spindle >= 0
         chosen = chosen or pattern.tool >= 0
+    taken, begins = len(letters), lines
+    still = np.array([not (each.axes or each.offsets or each.radius) for each in shapes])[shape]
+    if still.any():
+        taken, kept, begins = _with_next(still, lines, codes, feeds, taken)
+        lines, which, shape, codes, feeds = (each[kept] for each in (lines, which, shape, codes, feeds))
+        columns, offsets, radii = (each[kept] for each in (columns, offsets, radii))
+        spindle, tools = spindle[kept], tools[kept]
     return WordTable(
-        taken=len(letters),
+        taken=taken,
         lines=lines,
+        begins=begins,
         shapes=shapes,
         shape=shape,
         axes=axes,
@@ -301,3 +317,31 @@ def _table(
         idle=tuple(pattern.idle for pattern in patterns.values()),
         pattern=which,
     )
+
+
+def _with_next(
+    still: NDArray[np.bool_], lines: NDArray[np.int64], codes: Array, feeds: Array, taken: int
+) -> tuple[int, NDArray[np.intp], NDArray[np.int64]]:
+    """Give code and F of lines without motion to the next line with motion that has none, in place.
+
+    Returns:
+        Count of lines up to the last with motion, or to a slow F; those with motion; their `WordTable.begins`.
+    """
+    kept: list[int] = []
+    begins: list[int] = []
+    code, feed, begin = -1.0, math.nan, -1
+    end = taken
+    rows = zip(still.tolist(), lines.tolist(), codes.tolist(), feeds.tolist(), strict=True)
+    for row, (rests, line, own_code, own_feed) in enumerate(rows):
+        if rests and own_feed < _SLOW:
+            end = line
+            break
+        begin = line if begin < 0 else begin
+        code = own_code if own_code >= 0.0 else code
+        feed = feed if math.isnan(own_feed) else own_feed
+        if not rests:
+            kept.append(row)
+            begins.append(begin)
+            codes[row], feeds[row] = code, feed
+            code, feed, begin = -1.0, math.nan, -1
+    return (end if begin < 0 else begin), np.array(kept, np.intp), np.array(begins, np.int64)
