@@ -325,7 +325,7 @@ def _with_next(
     """Give code and F of lines without motion to the next line with motion that has none, in place.
 
     Returns:
-        Count of lines up to the last with motion, or to a slow F; those with motion; their `WordTable.begins`.
+        Count of lines to the last with motion, or to a slow F; which have motion; their `WordTable.begins`.
     """
     kept: list[int] = []
     begins: list[int] = []
