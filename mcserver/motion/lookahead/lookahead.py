@@ -19,7 +19,7 @@ from mcserver.motion.geometry.segment import AxisLimits, Segment
 from mcserver.motion.geometry.segment_list import SegmentList
 from mcserver.motion.geometry.segment_rows import SegmentRows
 from mcserver.motion.kernels.arc_segments import append_path_junctions
-from mcserver.motion.kernels.groups import START, Groups, Segments, group_segments
+from mcserver.motion.kernels.groups import Groups, Segments, group_segments
 from mcserver.motion.kernels.junctions import PrecedingEnd, length_of
 from mcserver.motion.kernels.polynomials import KINDS
 from mcserver.motion.kernels.ramp_kernels import reachable_speed
@@ -220,21 +220,18 @@ class Lookahead:
     def plan(self) -> PlannedRun:
         """Plan the whole run from the `entry` speed to rest."""
         table = self.table
-        law, run = self._quickest(table.kernel_view)
+        run = self._quickest(table.kernel_view)
         if table.columns.vertex_before.any() and not table.timed.any():
             # vertices leave less acceleration at higher speed: where they bind, a greater F may take longer
             programmed = table.programmed_view
             if programmed is not None and self.entry <= programmed.columns.segment_vmax[0]:
                 with contextlib.suppress(PlanningError):
-                    other, slower = self._quickest(programmed)
+                    slower = self._quickest(programmed)
                     if slower.phases.duration < run.phases.duration:
-                        law, run = other, slower
-        groups, knots = law.groups, law.solution.knots
-        inner = knots[(knots > 0) & (knots < len(groups.starts))]
-        table.mark_knots(groups.starts[inner], groups.bits[inner])
+                        run = slower
         return run
 
-    def _quickest(self, segments: Segments) -> tuple[_Law, PlannedRun]:
+    def _quickest(self, segments: Segments) -> PlannedRun:
         """Plan the run through its vertices, and with stops where that might be faster; return the faster."""
         law = self._law(segments)
         run = self._run_of(law)
@@ -245,11 +242,10 @@ class Lookahead:
             slow = segments.columns.vertex_before != 0
         if slow.any():
             with contextlib.suppress(PlanningError):
-                other = self._law(self.table.with_stops(segments, slow))
-                stopping = self._run_of(other)
+                stopping = self._run_of(self._law(self.table.with_stops(segments, slow)))
                 if stopping.phases.duration < run.phases.duration:
-                    return other, stopping
-        return law, run
+                    return stopping
+        return run
 
     def _run_of(self, law: _Law) -> PlannedRun:
         bound_by: list[Bound | None] = [None] * len(self.table)
@@ -327,9 +323,10 @@ class Lookahead:
         times = phases.time_at(groups.bounds)
         # times at knots come from the phases, which are exact: near rest a position determines time poorly
         at_knots = np.append(phases.start, phases.duration)[profile.first]
-        at_starts = np.append(groups.bits, START)[profile.knots] == START
-        starts = np.append(groups.starts, len(self.table))[profile.knots]
-        times[starts[at_starts]] = at_knots[at_starts]
+        starts = np.append(groups.starts, len(self.table))
+        # not where zones of a long segment meet
+        opens = np.diff(starts, prepend=-1)[profile.knots] > 0
+        times[starts[profile.knots][opens]] = at_knots[opens]
         held = np.zeros(len(self.table), np.bool_)
         held[groups.starts] = solver.held
         at_edges = np.append(times[groups.starts], times[-1])

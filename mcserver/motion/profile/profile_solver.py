@@ -106,7 +106,7 @@ class KnotSolver:
         # with zero acceleration at a knot that only saves time there may be no profile from the entry speed:
         # then try without such knots
         for required_only in (False, True):
-            first = self._initial_knots(junction_vmax, hints=not required_only)
+            first = self._initial_knots(junction_vmax)
             status, blamed, knots, speeds, phases, starts, timings = find_knots(
                 self.run.run,
                 self._groups.edges,
@@ -130,14 +130,12 @@ class KnotSolver:
                 )
         raise PlanningError(self._table.segments[int(self._groups.starts[blamed])].line)
 
-    def _initial_knots(self, junction_vmax: Array, *, hints: bool) -> NDArray[np.bool_]:
-        """Return the initial knots: around held groups, at stops, and with ``hints`` the last plan's."""
+    def _initial_knots(self, junction_vmax: Array) -> NDArray[np.bool_]:
+        """Return the initial knots: around held groups, and at stops."""
         is_knot = junction_vmax <= 0.0
         is_knot[0] = is_knot[-1] = True
         is_knot[:-1] |= self.held
         is_knot[1:] |= self.held
-        if hints:
-            is_knot[:-1] |= self._table.columns.knot_edges[self._groups.starts] & self._groups.bits != 0
         return is_knot
 
     def _timing(self, index: int, speeds: Array) -> int:
