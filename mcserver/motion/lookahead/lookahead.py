@@ -24,11 +24,10 @@ from mcserver.motion.kernels.junctions import PrecedingEnd, length_of
 from mcserver.motion.kernels.polynomials import KINDS
 from mcserver.motion.kernels.ramp_kernels import reachable_speed
 from mcserver.motion.kernels.rest_vertices import slow_vertices
-from mcserver.motion.kernels.sample_limits import limit_junctions
+from mcserver.motion.kernels.sample_limits import limit_junctions, run_of
 from mcserver.motion.kernels.spline_samples import PartSamples, scale_samples
 from mcserver.motion.limits.path_limits import (
     Junction,
-    RunLimits,
     SpeedLimit,
     junction,
     samples_of,
@@ -85,7 +84,7 @@ class _Law:
     Attributes:
         times: at the segments' starts and at the end, shape (n+1,) [s]. held: which segments are planned
             between knots of their own, to take their T, shape (n,). late: groups that take longer than their
-            T. limits: of the groups.
+            T.
     """
 
     groups: Groups
@@ -94,7 +93,6 @@ class _Law:
     times: Array
     held: NDArray[np.bool_]
     late: list[int]
-    limits: RunLimits
 
 
 class Lookahead:
@@ -209,9 +207,10 @@ class Lookahead:
     def enter_fast(self) -> None:
         """Set the entry speed to half of what the first segment could reach from rest over its length."""
         rows = self.table.samples_of(0)
-        segment_vmax = self.table.columns.segment_vmax[:1]
-        run = RunLimits(rows, np.array([0, len(rows)]), segment_vmax, self._limits)
-        acceleration, jerk = run.min_limits(0, 1)
+        segment_vmax = self.table.columns.segment_vmax[:1].copy()
+        limits = self._limits
+        run = run_of(rows, np.array([0, len(rows)]), segment_vmax, limits.of_samples, limits.cycle)
+        acceleration, jerk = run.free_at_vmax[0].tolist()
         whole = self.table.segments[0].scale
         self.entry = 0.5 * reachable_speed(0.0, whole, acceleration, jerk, float(run.segment_vmax[0]))
 
@@ -295,12 +294,13 @@ class Lookahead:
 
     def _law(self, segments: Segments) -> _Law:
         groups = group_segments(segments, self.entry, self._limits.of_samples, self._limits.cycle)
-        solver = KnotSolver(self.table, groups, self.entry)
+        solver, limits = KnotSolver(self.table, groups, self.entry), self._limits
         samples = _Samples.of(self.table, groups)
 
         def attempt(junction_vmax: Array) -> Solution:
             vmax = np.minimum(groups.segment_vmax, solver.flow_vmax)
-            solver.run = RunLimits(samples.under(junction_vmax), groups.offset, vmax, self._limits)
+            rows = samples.under(junction_vmax)
+            solver.run = run_of(rows, groups.offset, vmax, limits.of_samples, limits.cycle)
             bound = junction_vmax.copy()
             limit_junctions(bound, solver.run.segment_vmax)
             return solver.solve(bound)
@@ -330,7 +330,7 @@ class Lookahead:
         held = np.zeros(len(self.table), np.bool_)
         held[groups.starts] = solver.held
         at_edges = np.append(times[groups.starts], times[-1])
-        return _Law(groups, solution, phases, times, held, late_groups(solver, at_edges), solution.limits)
+        return _Law(groups, solution, phases, times, held, late_groups(solver, at_edges))
 
     def _quickened(
         self, segments: Segments, groups: Groups, solver: KnotSolver, solution: Solution
@@ -341,7 +341,7 @@ class Lookahead:
         if timed.any():
             late[late_groups(solver, solution.times(groups.edges))] = True
         return quicker_stretches(
-            solution.limits.run,
+            solution.run,
             groups,
             # a late group is limited to its mean speed, or it would end before its T
             np.fmin(np.minimum.reduceat(columns.feed, groups.starts), solver.means),
@@ -372,7 +372,7 @@ class Lookahead:
         last = phases.velocity + phases.rows[:, 0] * phases.acceleration
         peak = np.maximum(greatest(phases.velocity), last[high - 1])
         _, most_acceleration, most_jerk = self._limits.of_samples
-        run = law.limits.run
+        run = law.solution.run
         slope = np.maximum.reduceat(run.rows[:, : len(most_jerk)], run.offset[:-1])[late].clip(1e-300)
         accelerated = greatest(np.abs(phases.acceleration)) >= 0.999 * run.free_at_vmax[late, 0]
         columns = np.where(

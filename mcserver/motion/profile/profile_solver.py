@@ -18,8 +18,8 @@ from mcserver.motion.bound import PlanningError
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.groups import Groups
 from mcserver.motion.kernels.knots import SOLVED, find_knots
+from mcserver.motion.kernels.sample_limits import Run
 from mcserver.motion.kernels.timed_moves import EARLY, KEPT, LATE, timing_of_group
-from mcserver.motion.limits.path_limits import RunLimits
 from mcserver.motion.limits.segment_table import SegmentTable
 from mcserver.motion.profile.velocity_profile import join_phases
 
@@ -40,7 +40,7 @@ class Solution:
         phases: rows of `mcserver.motion.kernels.phases`. first: the first phase after each knot, and one
             past the last, shape (k,). late: held groups that take longer than their T, in order.
         early: held groups that end before it: the speeds at their ends leave no slower profile.
-        limits: that it was solved within.
+        run: the limits that it was solved within.
     """
 
     knots: NDArray[np.intp]
@@ -49,7 +49,7 @@ class Solution:
     first: NDArray[np.intp]
     late: tuple[int, ...]
     early: tuple[int, ...]
-    limits: RunLimits
+    run: Run
 
     def times(self, edges: Array) -> Array:
         """Return the times at σ's ``edges`` (n+1,) [s]."""
@@ -75,7 +75,7 @@ class KnotSolver:
         self.durations = table.columns.duration[groups.starts]
         self.held = ~np.isnan(self.durations)
         self.flow_vmax = np.full(len(self.held), math.inf)
-        self.run: RunLimits
+        self.run: Run
         self.entry = entry
 
     @property
@@ -108,7 +108,7 @@ class KnotSolver:
         for required_only in (False, True):
             first = self._initial_knots(junction_vmax)
             status, blamed, knots, speeds, phases, starts, timings = find_knots(
-                self.run.run,
+                self.run,
                 self._groups.edges,
                 junction_vmax,
                 durations,
@@ -144,7 +144,7 @@ class KnotSolver:
             return KEPT
         length = float(self._groups.edges[index + 1] - self._groups.edges[index])
         ends = (length, float(speeds[index]), float(speeds[index + 1]))
-        return int(timing_of_group(self.run.run, index, ends, float(self.durations[index])))
+        return int(timing_of_group(self.run, index, ends, float(self.durations[index])))
 
     def raise_speeds(self, late: tuple[int, ...], speeds: Array, junction_vmax: Array) -> bool:
         """Raise junction speeds at the ends of late segments (D-33); return whether any was raised.
