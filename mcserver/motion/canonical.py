@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import enum
 import math
+from collections.abc import Sequence
 
 import msgspec
 import numpy as np
@@ -493,22 +494,29 @@ def may_flow(line: MotionLine) -> bool:
     return feeds == len(line.groups) > 0 and (feeds == 1 or not line.exact_stop)
 
 
-def one_path(line: MotionLine) -> FeedGroup | None:
-    """Return a line's feed groups as one group; None where they are no single path.
+def in_one_time(groups: Sequence[FeedGroup]) -> list[FeedGroup]:
+    """Merge groups with the same T into one that shares a path fraction (D-32)."""
+    found: list[FeedGroup] = []
+    for group in groups:
+        for index, other in enumerate(found):
+            timed = (group.duration is None) == (other.duration is None)
+            one_time = math.isclose(group.requested, other.requested, rel_tol=SAME_TIME)
+            if timed and one_time and group.requested > 0.0:
+                found[index] = msgspec.structs.replace(other, curves=other.curves + group.curves)
+                break
+        else:
+            found.append(group)
+    return found
 
-    They are one path if they have the same T (D-32).
+
+def one_path(line: MotionLine) -> FeedGroup | None:
+    """Return a line's feed groups as one group; None where they are no single path, or not all feed groups.
+
+    Several are one path if they have the same T, and do not end in an exact stop.
     """
     groups = [group for group in line.groups if isinstance(group, FeedGroup)]
-    if len(groups) < len(line.groups) or not groups:
+    merged = in_one_time(groups)
+    several = len(groups) > 1
+    if len(groups) < len(line.groups) or len(merged) != 1 or (several and line.exact_stop):
         return None
-    first = groups[0]
-    if len(groups) == 1:
-        return first
-    timed = first.duration is not None
-    for other in groups[1:]:
-        one_time = math.isclose(other.requested, first.requested, rel_tol=SAME_TIME)
-        if not one_time or (other.duration is not None) != timed:
-            return None
-    if line.exact_stop or not first.requested > 0.0:
-        return None
-    return msgspec.structs.replace(first, curves=tuple(curve for group in groups for curve in group.curves))
+    return merged[0]

@@ -37,7 +37,7 @@ from mcserver.motion.kernels.rate_search import warm_up_playback
 from mcserver.motion.kernels.sample_limits import run_of
 from mcserver.motion.kernels.servo_loop import follow_cycles
 from mcserver.motion.kernels.timed_moves import timing_of_group
-from mcserver.motion.lookahead.blend_choice import HANDLE, TOLERANCE_SHARES, best_blend
+from mcserver.motion.lookahead.blend_choice import best_blend
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.setpoint_sampling import sample
 from mcserver.motion.smoothing.chord_smoothing import ChordSmoother, SmoothRun
@@ -175,7 +175,7 @@ def _round_corners(limits: AxisLimits) -> None:
         best_blend(window, after, limits)
         # whichever rounding was best, call the kernels of all of them
         if after.straight:
-            assert straight_blend(window.table.segments[-1], after, HANDLE, TOLERANCE_SHARES, limits, 0.0)
+            assert straight_blend(window.table.segments[-1], after, limits)
         window.append(after)
         run = window.plan()
         assert run.timed.any()

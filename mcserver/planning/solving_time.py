@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import Any
 
-from mckinematics.even_path import EvenPaths
-from mckinematics.pose import Array, JointPath, Kinematics, Pose, ToolPath
+from mckinematics.pose import Kinematics
+
+# Methods that are measured; the others take too little time.
+SOLVING = frozenset(("solve_pose", "solve_path", "solve_even_path"))
 
 
 class TimedKinematics:
@@ -29,30 +30,15 @@ class TimedKinematics:
         return spent
 
     def __getattr__(self, name: str) -> Any:
-        """Forward everything but solving, which takes too little time to measure."""
-        return getattr(self._kinematics, name)
+        found = getattr(self._kinematics, name)
+        if name not in SOLVING:
+            return found
 
-    def solve_pose(self, tool: int, pose: Pose, joints: Mapping[int, float]) -> tuple[float, ...]:
-        """Joint positions for a pose; raises `KinematicsError`."""
-        with self._measured():
-            return self._kinematics.solve_pose(tool, pose, joints)
+        def measured(*arguments: Any) -> Any:
+            began = self._clock()
+            try:
+                return found(*arguments)
+            finally:
+                self._spent += self._clock() - began
 
-    def solve_path(self, tool: int, path: ToolPath, joints: Mapping[int, float]) -> JointPath:
-        """Joint path along a tool's path; raises `KinematicsError`."""
-        with self._measured():
-            return self._kinematics.solve_path(tool, path, joints)
-
-    def solve_even_paths(
-        self, tool: int, points: Array, angles: Array | None, joints: Mapping[int, float]
-    ) -> EvenPaths:
-        """Joints going evenly along consecutive lines of a tool."""
-        with self._measured():
-            return self._kinematics.solve_even_paths(tool, points, angles, joints)
-
-    @contextmanager
-    def _measured(self) -> Iterator[None]:
-        began = self._clock()
-        try:
-            yield
-        finally:
-            self._spent += self._clock() - began
+        return measured

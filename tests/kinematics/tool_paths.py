@@ -83,5 +83,14 @@ def largest_error(kinematics: MachineKinematics, tool: int, wanted: ToolPath, pa
     return float(np.linalg.norm(points - wanted.position(s), axis=1).max())
 
 
+def follow(
+    kinematics: MachineKinematics, tool: int, wanted: ToolPath, joints: Mapping[int, float]
+) -> JointPath:
+    """The joint path from these joints; holds that the tool is nowhere 10 µm off."""
+    path = kinematics.solve_path(tool, wanted, joints)
+    assert largest_error(kinematics, tool, wanted, path) < 1e-5
+    return path
+
+
 def _named(path: JointPath, row: Array) -> Mapping[int, float]:
     return dict(zip(path.axes, row.tolist(), strict=True))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import random
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,13 +15,13 @@ from mcserver.motion.pieces import LineEdges, Piece
 from mcserver.motion.planner import MotionPlanner
 from tests.motion.support import (
     AxisSpec,
+    Motion,
     arc_curve,
     at_speed,
-    edges_of,
+    collect,
     in_time,
     line_curve,
     machine_of,
-    rows_of,
 )
 
 # Travels of a group [m or rad], and times that groups ask for [s]: alike, and short beside long.
@@ -40,32 +40,6 @@ class CommaProgram:
     lines: tuple[tuple[FeedGroup, ...], ...]
     tolerance: float
     commits: dict[int, float]
-
-
-@dataclass
-class CommaMotion:
-    """Rows u = 1, 2, … (N, K) and the moments of lines [cycles].
-
-    Attributes:
-        edges: u, the line, and whether it ends there, in order of output.
-        flowing: the comma lines that were planned in the flow.
-    """
-
-    position: Array
-    starts: dict[int, float]
-    ends: dict[int, float]
-    edges: list[tuple[float, int, bool]]
-    flowing: set[int] = field(default_factory=set)
-
-    @property
-    def duration(self) -> float:
-        """From the first line's start to the last one's end [cycles]."""
-        return max(self.ends.values()) - min(self.starts.values())
-
-    @property
-    def rested(self) -> Array:
-        """Rows with three rows of rest before and after, shape (N + 6, K)."""
-        return np.concatenate([np.zeros((3, self.position.shape[1])), self.position, [self.position[-1]] * 3])
 
 
 def comma_program(
@@ -162,16 +136,15 @@ def _group(
     return at_speed(share * min(machine.axes[axis].max_velocity for axis in axes), curve)
 
 
-def run(program: CommaProgram, *, at_rest: bool = False) -> CommaMotion:
+def run(program: CommaProgram, *, at_rest: bool = False) -> Motion:
     """Plan a program.
 
     Args:
         at_rest: comma lines of several T start and end at rest, as rapids do.
     """
-    machine = program.machine
-    planner = MotionPlanner(machine, np.zeros(len(machine.axes)))
+    machine, start = program.machine, np.zeros(len(program.machine.axes))
+    planner = MotionPlanner(machine, start)
     pieces: list[Piece] = []
-    flowing: set[int] = set()
     for number, groups in enumerate(program.lines, start=1):
         path = one_path(MotionLine(number, groups))
         if path is not None:
@@ -179,30 +152,17 @@ def run(program: CommaProgram, *, at_rest: bool = False) -> CommaMotion:
         else:
             found = None if at_rest else planner.comma_line(list(groups), number, program.tolerance)
             if found is not None:
-                flowing.add(number)
                 planner.append(found.segment, tolerance=program.tolerance, companions=found.companions)
             else:
                 pieces += planner.close()
-                start = planner.u
+                begin = planner.u
                 made, _, end = planner.together(list(groups), number)
-                pieces += [_edge(start, number, ends=False), *made, _edge(end, number, ends=True)]
+                pieces += [_edge(begin, number, ends=False), *made, _edge(end, number, ends=True)]
         if number in program.commits:
             pieces += planner.commit(planner.u + program.commits[number]) or ()
     pieces += planner.close()
-    return _collect(pieces, flowing)
+    return collect(machine, [], start, pieces)
 
 
 def _edge(u: float, line: int, *, ends: bool) -> LineEdges:
     return LineEdges(np.array([u]), np.array([line]), np.array([ends]))
-
-
-def _collect(pieces: list[Piece], flowing: set[int]) -> CommaMotion:
-    rows = rows_of(pieces)
-    edges = edges_of(pieces)
-    return CommaMotion(
-        position=np.concatenate([block.position for block in rows]),
-        starts={line: u for u, line, ends in edges if not ends},
-        ends={line: u for u, line, ends in edges if ends},
-        edges=edges,
-        flowing=flowing,
-    )

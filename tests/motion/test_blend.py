@@ -73,7 +73,7 @@ def max_distance_to_polyline(points: Array, path: Array) -> float:
 
 
 def made_of(before: Segment, after: Segment, tolerance: float) -> Blend | None:
-    return blend(before, after, tolerance, np.ones(WIDTH), 0.4)
+    return blend(before, after, tolerance, np.ones(WIDTH))
 
 
 @given(corners(), TOLERANCES)

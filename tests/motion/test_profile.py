@@ -22,9 +22,9 @@ from mcserver.motion.kernels.ramp_kernels import (
     ramp_time,
     reachable_speed,
 )
-from mcserver.motion.kernels.sample_limits import make_limit_table
+from mcserver.motion.kernels.sample_limits import make_limit_table, run_of
 from mcserver.motion.kernels.timed_moves import EARLY, KEPT, LATE, moves_in_time
-from mcserver.motion.limits.path_limits import RunLimits, sample_rows
+from mcserver.motion.limits.path_limits import sample_rows
 from mcserver.motion.profile.velocity_profile import Phases, join_phases
 from tests.motion.measure import rest_to_rest
 from tests.motion.support import alike
@@ -282,12 +282,13 @@ def test_a_limit_table_is_the_same_whatever_is_beside_its_group(beside: float) -
     limits = AxisLimits.of(alike(1, velocity=5000.0, acceleration=5000.0, jerk=100_000.0))
     bend, line = sample_rows(np.ones((1, 1)), np.full((1, 1), 60.0), np.zeros((1, 1))), np.zeros((1, 7))
     line[0, 0], line[0, -2:] = 1.0, math.inf
-    alone = RunLimits(bend, np.array([0, 1]), np.array([0.1]), limits)
-    other = RunLimits(np.concatenate((line, bend)), np.array([0, 1, 2]), np.array([beside, 0.1]), limits)
+    alone = run_of(bend, np.array([0, 1]), np.array([0.1]), limits.rows, limits.cycle)
+    both, vmax = np.concatenate((line, bend)), np.array([beside, 0.1])
+    other = run_of(both, np.array([0, 1, 2]), vmax, limits.rows, limits.cycle)
     tables = np.zeros((2, MAX_TABLE_ROWS, 3))
-    count = make_limit_table(alone.run, 0, 1, 0.0, tables[0])
+    count = make_limit_table(alone, 0, 1, 0.0, tables[0])
     assert count > 3
-    assert make_limit_table(other.run, 1, 2, 0.0, tables[1]) == count
+    assert make_limit_table(other, 1, 2, 0.0, tables[1]) == count
     assert np.array_equal(tables[0], tables[1])
 
 

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -11,7 +14,12 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mcserver.machine.machine_file import Machine
+from mcserver.motion.bound import PlanningError
 from mcserver.motion.canonical import FeedGroup
+from mcserver.motion.geometry.curves import Array
+from mcserver.motion.kernels.sample_limits import Run
+from mcserver.motion.lookahead.missed_times import slow_early
+from mcserver.motion.profile.profile_solver import KnotSolver, Solution
 from tests.motion.measure import acceleration_ratio, least_time, rest_to_rest, speed_over_feed
 from tests.motion.programs import ACCELERATIONS, JERKS, LENGTHS, VELOCITIES, Program, programs
 from tests.motion.support import (
@@ -248,3 +256,22 @@ def test_a_late_chain_is_not_slower_in_one_window_than_in_several_or_with_stops(
     stopping = plan(machine, [Move(move.group, from_rest=True) for move in moves])
     assert whole.duration <= 1.05 * stopping.duration
     assert acceleration_ratio(whole) <= 1.01
+
+
+def test_speeds_of_a_plan_that_ends_more_lines_early_are_not_kept() -> None:
+    phases, knots, speeds = np.array([[2.0, 0.0, 1.0, 0.0, 0.0]]), np.array([0, 2]), np.array([0.0, 1.0, 0.0])
+    given = Solution(knots, speeds, phases, np.array([0, 1]), (), (0,), cast("Run", None))
+
+    def slow_down(_early: object, _speeds: Array, bounds: Array, _which: object) -> None:
+        bounds[1] *= 0.5
+
+    def attempt(bounds: Array) -> Solution:
+        if bounds[1] == 0.0:
+            raise PlanningError(1)
+        return replace(given, early=(0, 1))
+
+    held = np.ones(2, np.bool_)
+    solver = SimpleNamespace(held=held, durations=np.full(2, np.nan), slow_down=slow_down)
+    bounds = np.array([0.0, 1.0, 0.0])
+    assert slow_early(cast("KnotSolver", solver), given, bounds, np.arange(3.0), attempt) is given
+    assert bounds.tolist() == [0.0, 1.0, 0.0]

@@ -30,6 +30,10 @@ from mcserver.units import MM
 
 # Share of a segment that a blend at one of its ends may use: two blends never meet.
 SHARE = 0.49
+# Share of d for a Bezier handle at a right angle.
+HANDLE = 0.4
+# Shares of the path tolerance that are tried; the rest is for rows that miss the point nearest to the vertex.
+TOLERANCE_SHARES = (0.85, 0.3)
 # Least cosine of the turn that is rounded: a curve between nearly opposite tangents would turn on the spot.
 REVERSAL = -0.95
 # Bound on a tool's speed between two samples of a blend, as a multiple of the greater of theirs.
@@ -52,7 +56,6 @@ def blend(
     after: Segment,
     tolerance: float,
     per_axis: Array,
-    handle_share: float,
     per_joint: Array | None = None,
 ) -> Blend | None:
     """Round the corner between two segments; return None where that is not possible.
@@ -61,7 +64,6 @@ def blend(
         tolerance: largest distance from the programmed path [m].
         per_axis: weight of each column in that distance, shape (K,): 1 for metres; radians are weighted so
             that a degree counts as a millimetre.
-        handle_share: share of d that a Bezier handle takes at a right angle.
         per_joint: weight of each column in the distance of joints that move a tool, shape (K,); None:
             measure that distance at the tool.
     """
@@ -82,7 +84,7 @@ def blend(
     deviation_per_distance = 0.22 * float(np.linalg.norm(metric @ (t2 - t1)))
     distance = min(longest, tolerance / deviation_per_distance) if deviation_per_distance > 0.0 else longest
     cosine = float(t1 @ t2)
-    handle = _handle(handle_share, cosine)
+    handle = _handle(cosine)
     for _ in range(40):
         made = _fit(before, after, distance, handle, metric)
         if made is None:
@@ -250,16 +252,13 @@ def _between(before: Segment, after: Segment, leave: float, join: float, power: 
 def straight_blend(
     before: Segment,
     after: Segment,
-    handle_share: float,
-    shares: tuple[float, ...],
     limits: AxisLimits,
-    gain: float,
+    gain: float = 0.0,
 ) -> Blend | None:
     """Round the corner of two straight segments with the share of the tolerance that takes least time.
 
     Args:
-        shares: of the tolerance, to choose from. gain: time that a time-domain blend would save if the corner
-            is a stop [s].
+        gain: time that a time-domain blend would save if the corner is a stop [s].
 
     Returns:
         None where no blend is faster than the corner itself, or the corner cannot be rounded.
@@ -272,7 +271,7 @@ def straight_blend(
     if cosine < REVERSAL:
         return None
     power = np.empty((6, len(t1)))
-    quintic(t1, t2, _handle(handle_share, cosine), power)
+    quintic(t1, t2, _handle(cosine), power)
     deviation_per_distance = distance_from_corner(t1, t2, power, limits.weights)
     left, right = end * (before.finish - before.begin), begin * (after.finish - after.begin)
     longest = SHARE * min(left, right)
@@ -281,7 +280,7 @@ def straight_blend(
             longest
             if deviation_per_distance <= 0.0
             else min(longest, share * after.tolerance / deviation_per_distance)
-            for share in shares
+            for share in TOLERANCE_SHARES
         ]
     )
     feeds = np.array([before.feed * end, after.feed * begin])
@@ -294,12 +293,12 @@ def straight_blend(
     return _between(before, after, before.finish - reach / end, after.begin + reach / begin, power)
 
 
-def _handle(share: float, cosine: float) -> float:
+def _handle(cosine: float) -> float:
     """Return the share of d for a Bezier handle, shorter at sharp turns.
 
     At a turn of 0 a share of 0.4 spaces the Bezier points evenly, so that dp/ds is constant.
     """
-    return share + 0.13 * min(cosine, 0.0)
+    return HANDLE + 0.13 * min(cosine, 0.0)
 
 
 def _moved(segment: Segment, width: int) -> Array:

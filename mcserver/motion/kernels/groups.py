@@ -13,10 +13,6 @@ from mcserver.motion.kernels.compiled import compiled
 from mcserver.motion.kernels.parts import is_split, straight_limits, vertex_zone_length
 from mcserver.motion.kernels.sample_limits import limit_junctions, limit_short_segments
 
-# Edges of a segment that a plan has made knots, as bits: its start, the end of the vertex zone there, the
-# beginning of the vertex zone at its end.
-START, LEFT, RIGHT = 1, 2, 4
-
 # Longest time of a group of several segments [cycles].
 GROUP = 4.0
 # Least ratio of the speed limits in a group.
@@ -38,7 +34,6 @@ class SegmentColumns(NamedTuple):
         limit_column, limit_kind: the machine's column and the kind of limit that set ``axis_vmax``.
         sample_end: one past its last sample, counted from the first sample ever appended.
         vertex_before, vertex_after: 1 where it has the sample of a vertex at its start, or its end; else 0.
-        knot_edges: edges that the last plan has made knots, as bits `START`, `LEFT` and `RIGHT`.
     """
 
     length: Array
@@ -56,7 +51,6 @@ class SegmentColumns(NamedTuple):
     sample_end: NDArray[np.intp]
     vertex_before: NDArray[np.intp]
     vertex_after: NDArray[np.intp]
-    knot_edges: NDArray[np.intp]
 
 
 class Segments(NamedTuple):
@@ -80,7 +74,7 @@ class Groups(NamedTuple):
 
     Attributes:
         bounds: σ at the segments' starts and at the end, shape (n+1,). starts: the groups' first segments,
-            shape (g,). bits: the edge of that segment at which the group starts, shape (g,).
+            the same one for all zones of a long segment, shape (g,).
         edges: σ at the groups' starts and at the end, shape (g+1,).
         junction_vmax: greatest speeds at the groups' starts and at the end, shape (g+1,). segment_vmax: on
             the groups, (g,).
@@ -89,7 +83,6 @@ class Groups(NamedTuple):
 
     bounds: Array
     starts: NDArray[np.intp]
-    bits: NDArray[np.intp]
     edges: Array
     junction_vmax: Array
     segment_vmax: Array
@@ -125,7 +118,6 @@ def _group_starts(
         alone = (
             slow
             or (first == 0 and segments.passed > 0.0)
-            or columns.knot_edges[index] & START != 0
             or not math.isnan(columns.duration[index])
             or not math.isnan(columns.duration[first])
             or least < SAME * most
@@ -202,7 +194,7 @@ def _split_groups(groups: Groups, segments: Segments, long: NDArray[np.bool_], c
     """Split long segments into up to three zones: near the vertices at start and end, and between."""
     count = len(groups.starts)
     most = count + 2 * long.sum()
-    starts, bits = np.empty(most, np.intp), np.empty(most, np.intp)
+    starts = np.empty(most, np.intp)
     edges, junction_vmax = np.empty(most + 1), np.empty(most + 1)
     segment_vmax, offset = np.empty(most), np.zeros(most + 1, np.intp)
     rows = np.empty((len(segments.samples) + 2 * long.sum(), segments.samples.shape[1]))
@@ -215,8 +207,7 @@ def _split_groups(groups: Groups, segments: Segments, long: NDArray[np.bool_], c
             if places[place + 1] <= places[place]:
                 continue
             opens = places[place] <= 0.0
-            starts[part], bits[part] = groups.starts[group], START if opens else (START, LEFT, RIGHT)[place]
-            segment_vmax[part] = groups.segment_vmax[group]
+            starts[part], segment_vmax[part] = groups.starts[group], groups.segment_vmax[group]
             edges[part] = begin if opens else begin + places[place]
             junction_vmax[part] = groups.junction_vmax[group] if opens else groups.segment_vmax[group]
             for i in range(low, high):
@@ -230,7 +221,6 @@ def _split_groups(groups: Groups, segments: Segments, long: NDArray[np.bool_], c
     return Groups(
         groups.bounds,
         starts[:part],
-        bits[:part],
         edges[: part + 1],
         junction_vmax[: part + 1],
         segment_vmax[:part],
@@ -270,7 +260,6 @@ def group_segments(segments: Segments, entry: float, limits: Array, cycle: float
         group_vmax[group] = top
         offset[group + 1] = columns.sample_end[last - 1] - segments.dropped
     edges[n], group_junction_vmax[n] = bounds[count], 0.0
-    bits = np.full(n, START, np.intp)
-    groups = Groups(bounds, starts, bits, edges, group_junction_vmax, group_vmax, segments.samples, offset)
+    groups = Groups(bounds, starts, edges, group_junction_vmax, group_vmax, segments.samples, offset)
     long, cuts = _vertex_zones(segments, starts, segment_vmax, limits, cycle)
     return _split_groups(groups, segments, long, cuts) if long.any() else groups

@@ -193,5 +193,5 @@ def write_columns(
     columns.axis_vmax[i], columns.feed[i], columns.segment_vmax[i] = axis_vmax, feed, min(axis_vmax, feed)
     columns.requested[i], columns.duration[i] = timing[1], timing[2]
     columns.limit_column[i], columns.limit_kind[i] = column, kind
-    columns.sample_end[i], columns.knot_edges[i] = at, 0
+    columns.sample_end[i] = at
     columns.vertex_before[i], columns.vertex_after[i] = 1 if bounded else 0, 0

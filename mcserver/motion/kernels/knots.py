@@ -48,18 +48,6 @@ class LimitTables(NamedTuple):
     right: NDArray[np.intp]
 
 
-class ReachedSpeeds(NamedTuple):
-    """A cache of the speed reachable at each knot, forward and backward.
-
-    Attributes:
-        asked: arguments: the other knot, its speed, and the limit, shape (2, n+1, 3). answer: speeds,
-            shape (2, n+1).
-    """
-
-    asked: Array
-    answer: Array
-
-
 MOST_PHASES = MAX_MOVES * PHASES_PER_MOVE
 
 
@@ -126,36 +114,12 @@ def _lowest_exceeded(
 
 
 @compiled
-def _surely_lowest_exceeded(
-    left: int, right: int, junction_vmax: Array, segment_vmax: Array, least: float
-) -> int:
-    """Return the node of `_lowest_exceeded` where it is certain without a profile; −1 where it is not.
-
-    Speed rises to one peak and falls, so it is nowhere below ``least``, the lower of the speeds at the ends.
-    """
-    node, cap = -1, math.inf
-    for other in range(left + 1, right):
-        if junction_vmax[other] < cap:
-            node, cap = other, junction_vmax[other]
-    segment, top = left, segment_vmax[left]
-    for other in range(left + 1, right):
-        if segment_vmax[other] < top:
-            segment, top = other, segment_vmax[other]
-    if min(cap, top) * SLACK >= least:
-        return -1
-    if top < cap:
-        return segment if segment > left else segment + 1
-    return node
-
-
-@compiled
 def _speeds_at_knots(
     run: Run,
     knots: NDArray[np.intp],
     edges: Array,
     junction_vmax: Array,
     tables: LimitTables,
-    reached: ReachedSpeeds,
     speeds: Array,
 ) -> None:
     """Write the greatest speeds at knots reachable from both neighbours, by a forward and a backward pass."""
@@ -175,14 +139,10 @@ def _speeds_at_knots(
             other, knot = (left, right) if direction == 0 else (right, left)
             if speeds[knot] <= speeds[other]:
                 continue
-            question = reached.asked[direction, knot]
-            if question[0] != other or question[1] != speeds[other] or question[2] != speeds[knot]:
-                question[0], question[1], question[2] = other, speeds[other], speeds[knot]
-                distance = (edges[right] - edges[left]) * (1.0 - 1e-9)
-                reached.answer[direction, knot] = reachable_speed_by_table(
-                    speeds[other], distance, tables.rows[left], tables.sizes[left], speeds[knot]
-                )
-            speeds[knot] = reached.answer[direction, knot]
+            distance = (edges[right] - edges[left]) * (1.0 - 1e-9)
+            speeds[knot] = reachable_speed_by_table(
+                speeds[other], distance, tables.rows[left], tables.sizes[left], speeds[knot]
+            )
 
 
 @compiled
@@ -277,7 +237,6 @@ def find_knots(
     tables = LimitTables(
         np.empty((n + 1, MAX_TABLE_ROWS, 3)), np.zeros(n + 1, np.intp), np.full(n + 1, -1, np.intp)
     )
-    reached = ReachedSpeeds(np.full((2, n + 1, 3), math.nan), np.zeros((2, n + 1)))
     # stretches that exceed no limit: the knot at their end, and the speeds at both knots
     settled = np.full((n + 1, 3), math.nan)
     new_knots = np.zeros(n + 1, np.bool_)
@@ -288,7 +247,7 @@ def find_knots(
     knots = np.nonzero(is_knot)[0]
     status, blamed = TOO_MANY_ROUNDS, 0
     for _ in range(4 * n + 8):
-        _speeds_at_knots(run, knots, edges, junction_vmax, tables, reached, speeds)
+        _speeds_at_knots(run, knots, edges, junction_vmax, tables, speeds)
         if speeds[0] < entry * (1.0 - ENTRY_ROUNDING):
             # a stretch is assumed to have the acceleration of its slowest group throughout: shorter stretches
             # may allow the entry speed
@@ -304,10 +263,6 @@ def find_knots(
             if right - left == 1:
                 continue
             if settled[left, 0] == right and settled[left, 1] == start and settled[left, 2] == end:
-                continue
-            sure = _surely_lowest_exceeded(left, right, junction_vmax, segment_vmax, min(start, end))
-            if sure >= 0:
-                new_knots[sure] = True
                 continue
             made = _moves_between(run, tables, left, right, edges, speeds, moves, spare)
             if made == 0:

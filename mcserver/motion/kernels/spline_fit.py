@@ -298,18 +298,3 @@ def fit(
                 shorter[chord + 1] = min(shorter[chord + 1], LESS * reach[chord + 1])
         reach[:] = shorter
     return False, nothing[0], nothing[1]
-
-
-@compiled
-def first_reach(t: Array, turns: Array, tolerances: Array, share: float, longest: float) -> Array:
-    """Return the initial L at the vertices: as long as a single vertex allows, at most ``longest``.
-
-    Args:
-        turns: at the inner vertices, shape (n-1,) [rad].
-    """
-    reach = np.full(len(t), longest)
-    for i in range(len(turns)):
-        if turns[i] > 0.0:
-            tolerance = min(tolerances[i], tolerances[i + 1])
-            reach[i + 1] = min(longest, share * tolerance / turns[i])
-    return reach

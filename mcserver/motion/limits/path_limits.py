@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import POLYNOMIAL_SAMPLES, Array
 from mcserver.motion.geometry.segment import AxisLimits, Segment
@@ -21,7 +20,6 @@ from mcserver.motion.geometry.spline_curve import spline_part
 from mcserver.motion.kernels.arc_segments import arc_samples
 from mcserver.motion.kernels.junctions import PrecedingEnd, junction_vmax_of, line_sample
 from mcserver.motion.kernels.polynomials import KINDS, limit_of, polynomial_samples
-from mcserver.motion.kernels.sample_limits import Run, min_limits, run_of
 from mcserver.motion.limits.torque_samples import torque_places, vertex_torques, widen, with_torques
 
 
@@ -88,32 +86,6 @@ def speed_limit(rows: Array, limits: AxisLimits) -> SpeedLimit:
     """Return the greatest constant speed that the axes allow on samples, without their vertices."""
     velocity, column, kind = limit_of(rows, limits.of_samples)
     return SpeedLimit(velocity, column, KINDS[kind])
-
-
-class RunLimits:
-    """Limits of all groups of a run, prepared once for many queries about ranges of groups.
-
-    Args:
-        rows: samples of all groups. offset: the groups' first samples, and one past the last, (n+1,).
-        segment_vmax: greatest speeds of the groups (n,).
-
-    Attributes:
-        run: the limits for kernels; ``segment_vmax`` is lowered where it would leave hardly any acceleration
-            or jerk to reach it.
-    """
-
-    def __init__(
-        self, rows: Array, offset: NDArray[np.intp], segment_vmax: Array, limits: AxisLimits
-    ) -> None:
-        self.run: Run = run_of(rows, offset, segment_vmax.copy(), limits.of_samples, limits.cycle)
-
-    @property
-    def segment_vmax(self) -> Array:
-        return self.run.segment_vmax
-
-    def min_limits(self, left: int, right: int) -> tuple[float, float]:
-        """Return acceleration and jerk available at every speed on groups ``left`` … ``right`` - 1."""
-        return min_limits(self.run.free_at_vmax, left, right)
 
 
 @dataclass(frozen=True)

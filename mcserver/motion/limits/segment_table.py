@@ -24,9 +24,7 @@ from mcserver.motion.limits.path_limits import SpeedLimit
 SPEED_STEP = 5e-4
 # Tolerance for rounding when a speed is a whole step already.
 STEP_ROUNDING = 1e-9
-_INTEGER_COLUMNS = frozenset(
-    ("limit_column", "limit_kind", "sample_end", "vertex_before", "vertex_after", "knot_edges")
-)
+_INTEGER_COLUMNS = frozenset(("limit_column", "limit_kind", "sample_end", "vertex_before", "vertex_after"))
 _DTYPES = tuple(
     np.dtype(np.intp if name in _INTEGER_COLUMNS else np.float64) for name in SegmentColumns._fields
 )
@@ -179,7 +177,6 @@ class SegmentTable:
             self._dropped + len(self.samples),
             int(vertex is not None),
             0,
-            0,
         )
         for column, value in zip(self._columns, values, strict=True):
             column.add_one(value)
@@ -228,7 +225,7 @@ class SegmentTable:
         columns.segment_vmax[:] = _stepped(np.minimum(vmax, columns.feed), np.isnan(columns.duration))
         columns.limit_column[:], columns.limit_kind[:] = by.T
         columns.sample_end[:] = offset[1:]
-        columns.vertex_before[:] = columns.vertex_after[:] = columns.knot_edges[:] = 0
+        columns.vertex_before[:] = columns.vertex_after[:] = 0
         self._extend(parts, columns, samples)
 
     def _extend(self, segments: SegmentList, columns: SegmentColumns, samples: Array) -> None:
@@ -265,8 +262,6 @@ class SegmentTable:
         columns.duration[first:] /= shares
         vmax = _stepped(np.minimum(columns.axis_vmax[first:], columns.feed[first:]), splines)
         np.copyto(columns.segment_vmax[first:], vmax, where=shares != 1.0)
-        # the hints are of a plan at another speed
-        columns.knot_edges[first:] = 0
 
     def drop(self, count: int) -> None:
         """Remove the first segments."""
@@ -316,10 +311,6 @@ class SegmentTable:
     def _first_sample(self, index: int) -> int:
         """Return where the samples of a segment begin; for the index after the last one, where they would."""
         return int(self.columns.sample_end[index - 1]) - self._dropped if index > 0 else 0
-
-    def mark_knots(self, indices: NDArray[np.intp], bits: NDArray[np.intp]) -> None:
-        """Note which edges of segments a plan made knots: hints for the next plan."""
-        np.bitwise_or.at(self.columns.knot_edges, indices, bits)
 
 
 def _stepped(vmax: Array, where: NDArray[np.bool_]) -> Array:

@@ -7,17 +7,13 @@ import math
 import msgspec
 
 from mcserver.motion.bound import PlanningError
-from mcserver.motion.geometry.blend import Blend, blend, joint_weights, straight_blend
+from mcserver.motion.geometry.blend import TOLERANCE_SHARES, Blend, blend, joint_weights, straight_blend
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.segment import AxisLimits, Segment
 from mcserver.motion.kernels.straight_corner import BETTER, FASTER, is_worthwhile
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.timed_blend import as_feed_line, keep_times, steady_blend
 
-# Share of d for a Bezier handle at a right angle, see `blend`.
-HANDLE = 0.4
-# Shares of the path tolerance that are tried; the rest is for rows that miss the point nearest to the vertex.
-TOLERANCE_SHARES = (0.85, 0.3)
 # Shares of a joint tolerance that are tried: all of it may be far more than saves time.
 JOINT_SHARES = (0.98, 0.4, 0.15, 0.05)
 # Two lines' mean speeds are alike if the lower is at least this share of the other.
@@ -41,7 +37,7 @@ def best_blend(window: Lookahead, after: Segment, limits: AxisLimits) -> Blend |
         return None
     if before.duration is None and after.duration is None:
         return _quickest(before, after, limits, speed, overlaps=True)
-    found = steady_blend(before, after, limits, HANDLE)
+    found = steady_blend(before, after, limits)
     if found is None:
         found = _quickest_timed(before, after, limits, speed)
     slower, faster = sorted(line.feed * line.scale for line in lines)
@@ -97,11 +93,11 @@ def _quickest(
         at_joints: whether the joint tolerance may be used too.
     """
     if before.is_plain_line and after.is_plain_line:
-        found = straight_blend(before, after, HANDLE, TOLERANCE_SHARES, limits, 0.0)
+        found = straight_blend(before, after, limits)
         if found is not None and speed <= 0.0 and overlaps:
             gain = _gain_in_time(limits, before, after)
             if gain > 0.0:
-                found = straight_blend(before, after, HANDLE, TOLERANCE_SHARES, limits, gain)
+                found = straight_blend(before, after, limits, gain)
         return found
     best: Blend | None = None
     whole = [before, msgspec.structs.replace(after, tolerance=0.0)]
@@ -115,7 +111,7 @@ def _quickest(
     if weights is not None:
         shares += [(weights, share) for share in JOINT_SHARES]
     for per_joint, share in shares:
-        found = blend(before, after, share * after.tolerance, limits.weights, HANDLE, per_joint)
+        found = blend(before, after, share * after.tolerance, limits.weights, per_joint)
         if found is None:
             continue
         parts = _parts(found)

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from mcserver.motion.geometry.curves import Array
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.profile.velocity_profile import Phases
 
@@ -14,8 +15,8 @@ from mcserver.motion.profile.velocity_profile import Phases
 LATE_S = 0.06
 # A line with a T is not cut with less of it left: T is known to some microseconds only [s].
 LEAST_REST_S = 0.004
-# Speed that rounding may leave where the motion rests, as a share of the greatest speed.
-TRACE_OF_SPEED = 1e-6
+# Acceleration or speed that rounding may leave where there should be none, as a share of the greatest one.
+TRACE = 1e-6
 # Shorter phases are artefacts of rounding [s].
 LEAST_PHASE_S = 1e-6
 
@@ -69,7 +70,7 @@ def turn_moment(plan: PlannedRun, want: float, until: float) -> float:
     """
     phases = plan.phases
     first, last = phases.span(want, until)
-    least = TRACE_OF_SPEED * float(phases.velocity.max())
+    least = _trace(phases.velocity)
     for index in range(first, last):
         a, jerk = float(phases.acceleration[index]), float(phases.jerk[index])
         start, end = float(phases.start[index]), phases.end_of(index)
@@ -88,7 +89,7 @@ def _moment(plan: PlannedRun, want: float, *, at_peaks: bool, inside_timed: bool
     if want >= safe:
         return _outside_timed(plan, safe, safe, inside_timed=inside_timed)
     phases = plan.phases
-    trace = 1e-6 * float(np.abs(phases.acceleration).max())
+    trace = _trace(phases.acceleration)
     moment = max(want, 0.0)
     index = int(np.clip(np.searchsorted(phases.start, moment, side="right") - 1, 0, len(phases.start) - 1))
     while index < len(phases.start):
@@ -136,8 +137,7 @@ def _stop_begins(plan: PlannedRun, *, inside_timed: bool) -> float:
         while index > 0 and phases.uncut[index - 1]:
             index -= 1
         return last_steady(plan, float(phases.start[index - 1])) if index > 1 else 0.0
-    # rounding leaves traces of acceleration where it should be zero
-    trace = 1e-6 * float(np.abs(phases.acceleration).max())
+    trace = _trace(phases.acceleration)
     while index > 0:
         a, j = phases.acceleration[index - 1], phases.jerk[index - 1]
         if phases.uncut[index - 1] or not (a < -trace or (abs(a) <= trace and j < 0.0)):
@@ -150,6 +150,11 @@ def _stop_begins(plan: PlannedRun, *, inside_timed: bool) -> float:
         # a time-domain blend begins the stop, with a speed that is not the path's
         moment = max(moment - LEAST_PHASE_S, 0.0)
     return _outside_timed(plan, moment, moment, inside_timed=inside_timed)
+
+
+def _trace(values: Array) -> float:
+    """Return what rounding may leave where a plan's acceleration or speed should be zero."""
+    return TRACE * float(np.abs(values).max())
 
 
 def _is_knot(phases: Phases, index: int, trace: float) -> bool:
@@ -177,7 +182,7 @@ def _is_peak(plan: PlannedRun, index: int, trace: float) -> bool:
 def last_steady(plan: PlannedRun, until: float) -> float:
     """Return the last time without acceleration at or before ``until`` [s]; 0 without one."""
     phases = plan.phases
-    trace = 1e-6 * float(np.abs(phases.acceleration).max())
+    trace = _trace(phases.acceleration)
     steady = (np.abs(phases.acceleration) <= trace) & ~plan.timed & (phases.velocity > 0.0)
     steady &= ~phases.uncut & (np.diff(phases.start, append=phases.duration) > LEAST_PHASE_S)
     steady &= phases.start <= until

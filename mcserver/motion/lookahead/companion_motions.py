@@ -9,12 +9,12 @@ import numpy as np
 
 from mcserver.motion.bound import PlanningError
 from mcserver.motion.geometry.curves import Array
-from mcserver.motion.geometry.segment import Segment, columns_of
+from mcserver.motion.geometry.segment import Segment
 from mcserver.motion.geometry.segment_rows import SegmentRows
 from mcserver.motion.lookahead.leading_group import Companions
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.planned_run import PlannedRun
-from mcserver.motion.lookahead.setpoint_sampling import CYCLE_ROUNDING, first_row, sample
+from mcserver.motion.lookahead.setpoint_sampling import CYCLE_ROUNDING, first_row, put_end, put_sample
 from mcserver.motion.pieces import Rows
 
 # Longest that a companion may last beyond its line, through rounding [s].
@@ -200,18 +200,14 @@ class CompanionMotions:
                 continue
             at = slice(low - rows.first, high - rows.first + 1)
             for run in each.companions.runs:
-                part = sample(run, each.start, low, high, self.cycle)
-                columns = columns_of(run.segments[0].mask)
-                rows.position[at, columns] = part.position[:, columns]
-                rows.velocity[at, columns] = part.velocity[:, columns]
+                put_sample(run, each.start, low, high, self.cycle, rows.position[at], rows.velocity[at])
 
     def put_ends_on(self, position: Array, line: int) -> None:
         """Write the companions' end positions into the position (K,) at a line's end."""
         for each in self._begun:
             if each.line == line:
                 for run in each.companions.runs:
-                    columns = columns_of(run.segments[0].mask)
-                    position[columns] = run.segments[0].sample(np.array([1.0]))[0][0][columns]
+                    put_end(run, position)
 
 
 def _turn(before: Array, after: Array) -> float:

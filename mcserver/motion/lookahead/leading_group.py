@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.bound import Bound, PlanningError
-from mcserver.motion.canonical import SAME_TIME, FeedGroup
+from mcserver.motion.canonical import SAME_TIME, FeedGroup, in_one_time
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.segment import NO_TRAVEL, AxisLimits, Segment, anchor, columns_of, segment_of
 from mcserver.motion.lookahead.lookahead import Lookahead
@@ -92,7 +92,7 @@ def comma_line(
         # a torque depends on the motion of all groups together, which are planned one by one
         return None
     end = position.copy()
-    paths = [_Path.of(group, line, position, end, axes) for group in _merged(groups)]
+    paths = [_Path.of(group, line, position, end, axes) for group in in_one_time(groups)]
     known = [path for path in paths if path is not None]
     if len(known) < len(paths):
         return None
@@ -181,21 +181,3 @@ class _Path:
         metres = self.in_metres and curve.tool_rates is None
         rounded = ROUNDED * tolerance * (1.0 if metres else math.radians(1.0) / MM)
         return LEAST * self.least * max(0.0, 1.0 - rounded / curve.length)
-
-
-def _merged(groups: Sequence[FeedGroup]) -> list[FeedGroup]:
-    """Merge groups with the same T into one that shares a path fraction."""
-    found: list[FeedGroup] = []
-    for group in groups:
-        for index, other in enumerate(found):
-            timed = (group.duration is None) == (other.duration is None)
-            if (
-                timed
-                and group.requested > 0.0
-                and math.isclose(group.requested, other.requested, rel_tol=SAME_TIME)
-            ):
-                found[index] = msgspec.structs.replace(other, curves=other.curves + group.curves)
-                break
-        else:
-            found.append(group)
-    return found

@@ -19,16 +19,15 @@ from mcserver.motion.geometry.segment import AxisLimits, Segment
 from mcserver.motion.geometry.segment_list import SegmentList
 from mcserver.motion.geometry.segment_rows import SegmentRows
 from mcserver.motion.kernels.arc_segments import append_path_junctions
-from mcserver.motion.kernels.groups import START, Groups, Segments, group_segments
+from mcserver.motion.kernels.groups import Groups, Segments, group_segments
 from mcserver.motion.kernels.junctions import PrecedingEnd, length_of
 from mcserver.motion.kernels.polynomials import KINDS
 from mcserver.motion.kernels.ramp_kernels import reachable_speed
 from mcserver.motion.kernels.rest_vertices import slow_vertices
-from mcserver.motion.kernels.sample_limits import limit_junctions
+from mcserver.motion.kernels.sample_limits import limit_junctions, run_of
 from mcserver.motion.kernels.spline_samples import PartSamples, scale_samples
 from mcserver.motion.limits.path_limits import (
     Junction,
-    RunLimits,
     SpeedLimit,
     junction,
     samples_of,
@@ -85,7 +84,7 @@ class _Law:
     Attributes:
         times: at the segments' starts and at the end, shape (n+1,) [s]. held: which segments are planned
             between knots of their own, to take their T, shape (n,). late: groups that take longer than their
-            T. limits: of the groups.
+            T.
     """
 
     groups: Groups
@@ -94,7 +93,6 @@ class _Law:
     times: Array
     held: NDArray[np.bool_]
     late: list[int]
-    limits: RunLimits
 
 
 class Lookahead:
@@ -209,9 +207,10 @@ class Lookahead:
     def enter_fast(self) -> None:
         """Set the entry speed to half of what the first segment could reach from rest over its length."""
         rows = self.table.samples_of(0)
-        segment_vmax = self.table.columns.segment_vmax[:1]
-        run = RunLimits(rows, np.array([0, len(rows)]), segment_vmax, self._limits)
-        acceleration, jerk = run.min_limits(0, 1)
+        segment_vmax = self.table.columns.segment_vmax[:1].copy()
+        limits = self._limits
+        run = run_of(rows, np.array([0, len(rows)]), segment_vmax, limits.of_samples, limits.cycle)
+        acceleration, jerk = run.free_at_vmax[0].tolist()
         whole = self.table.segments[0].scale
         self.entry = 0.5 * reachable_speed(0.0, whole, acceleration, jerk, float(run.segment_vmax[0]))
 
@@ -220,21 +219,18 @@ class Lookahead:
     def plan(self) -> PlannedRun:
         """Plan the whole run from the `entry` speed to rest."""
         table = self.table
-        law, run = self._quickest(table.kernel_view)
+        run = self._quickest(table.kernel_view)
         if table.columns.vertex_before.any() and not table.timed.any():
             # vertices leave less acceleration at higher speed: where they bind, a greater F may take longer
             programmed = table.programmed_view
             if programmed is not None and self.entry <= programmed.columns.segment_vmax[0]:
                 with contextlib.suppress(PlanningError):
-                    other, slower = self._quickest(programmed)
+                    slower = self._quickest(programmed)
                     if slower.phases.duration < run.phases.duration:
-                        law, run = other, slower
-        groups, knots = law.groups, law.solution.knots
-        inner = knots[(knots > 0) & (knots < len(groups.starts))]
-        table.mark_knots(groups.starts[inner], groups.bits[inner])
+                        run = slower
         return run
 
-    def _quickest(self, segments: Segments) -> tuple[_Law, PlannedRun]:
+    def _quickest(self, segments: Segments) -> PlannedRun:
         """Plan the run through its vertices, and with stops where that might be faster; return the faster."""
         law = self._law(segments)
         run = self._run_of(law)
@@ -245,11 +241,10 @@ class Lookahead:
             slow = segments.columns.vertex_before != 0
         if slow.any():
             with contextlib.suppress(PlanningError):
-                other = self._law(self.table.with_stops(segments, slow))
-                stopping = self._run_of(other)
+                stopping = self._run_of(self._law(self.table.with_stops(segments, slow)))
                 if stopping.phases.duration < run.phases.duration:
-                    return other, stopping
-        return law, run
+                    return stopping
+        return run
 
     def _run_of(self, law: _Law) -> PlannedRun:
         bound_by: list[Bound | None] = [None] * len(self.table)
@@ -299,12 +294,13 @@ class Lookahead:
 
     def _law(self, segments: Segments) -> _Law:
         groups = group_segments(segments, self.entry, self._limits.of_samples, self._limits.cycle)
-        solver = KnotSolver(self.table, groups, self.entry)
+        solver, limits = KnotSolver(self.table, groups, self.entry), self._limits
         samples = _Samples.of(self.table, groups)
 
         def attempt(junction_vmax: Array) -> Solution:
             vmax = np.minimum(groups.segment_vmax, solver.flow_vmax)
-            solver.run = RunLimits(samples.under(junction_vmax), groups.offset, vmax, self._limits)
+            rows = samples.under(junction_vmax)
+            solver.run = run_of(rows, groups.offset, vmax, limits.of_samples, limits.cycle)
             bound = junction_vmax.copy()
             limit_junctions(bound, solver.run.segment_vmax)
             return solver.solve(bound)
@@ -327,13 +323,14 @@ class Lookahead:
         times = phases.time_at(groups.bounds)
         # times at knots come from the phases, which are exact: near rest a position determines time poorly
         at_knots = np.append(phases.start, phases.duration)[profile.first]
-        at_starts = np.append(groups.bits, START)[profile.knots] == START
-        starts = np.append(groups.starts, len(self.table))[profile.knots]
-        times[starts[at_starts]] = at_knots[at_starts]
+        starts = np.append(groups.starts, len(self.table))
+        # not where zones of a long segment meet
+        opens = np.diff(starts, prepend=-1)[profile.knots] > 0
+        times[starts[profile.knots][opens]] = at_knots[opens]
         held = np.zeros(len(self.table), np.bool_)
         held[groups.starts] = solver.held
         at_edges = np.append(times[groups.starts], times[-1])
-        return _Law(groups, solution, phases, times, held, late_groups(solver, at_edges), solution.limits)
+        return _Law(groups, solution, phases, times, held, late_groups(solver, at_edges))
 
     def _quickened(
         self, segments: Segments, groups: Groups, solver: KnotSolver, solution: Solution
@@ -344,7 +341,7 @@ class Lookahead:
         if timed.any():
             late[late_groups(solver, solution.times(groups.edges))] = True
         return quicker_stretches(
-            solution.limits.run,
+            solution.run,
             groups,
             # a late group is limited to its mean speed, or it would end before its T
             np.fmin(np.minimum.reduceat(columns.feed, groups.starts), solver.means),
@@ -375,7 +372,7 @@ class Lookahead:
         last = phases.velocity + phases.rows[:, 0] * phases.acceleration
         peak = np.maximum(greatest(phases.velocity), last[high - 1])
         _, most_acceleration, most_jerk = self._limits.of_samples
-        run = law.limits.run
+        run = law.solution.run
         slope = np.maximum.reduceat(run.rows[:, : len(most_jerk)], run.offset[:-1])[late].clip(1e-300)
         accelerated = greatest(np.abs(phases.acceleration)) >= 0.999 * run.free_at_vmax[late, 0]
         columns = np.where(

@@ -164,15 +164,14 @@ def _lower_ends(
         found = _slower(solver, solution, junction_vmax, attempt)
         if found is None:
             break
-        if len(found.early) <= len(solution.early):
-            solution = found
+        solution = found
         if not solution.early:
             return solution
     for group in solution.early[:MOST_STOPS]:
         for end in (group + 1, group):
             if not 0 < end < len(junction_vmax) - 1:
                 continue
-            stopped = _stopping([end], junction_vmax, attempt)
+            stopped = _stopping(end, junction_vmax, attempt)
             if stopped is not None and len(stopped.early) < len(solution.early):
                 solution = stopped
                 junction_vmax[end] = 0.0
@@ -183,9 +182,12 @@ def _lower_ends(
 def _slower(
     solver: KnotSolver, solution: Solution, junction_vmax: Array, attempt: Callable[[Array], Solution]
 ) -> Solution | None:
-    """Return a plan with lower junction speeds at the ends of early segments; None where no plan exists.
+    """Return a plan with lower junction speeds at the ends of early segments, and no more of these.
 
     The entry speed may leave no plan with both ends lowered, but one with the second end alone.
+
+    Returns:
+        None, with the junction speeds as before, where there is no such plan.
     """
     for ends in (0, 1), (1,), (0,):
         trial = junction_vmax.copy()
@@ -194,15 +196,16 @@ def _slower(
             found = attempt(trial)
         except PlanningError:
             continue
-        junction_vmax[:] = trial
-        return found
+        if len(found.early) <= len(solution.early):
+            junction_vmax[:] = trial
+            return found
     return None
 
 
-def _stopping(ends: list[int], junction_vmax: Array, attempt: Callable[[Array], Solution]) -> Solution | None:
-    """Return the plan with stops at some ends of groups; None where no plan exists."""
+def _stopping(end: int, junction_vmax: Array, attempt: Callable[[Array], Solution]) -> Solution | None:
+    """Return the plan with a stop at an end of a group; None where no plan exists."""
     trial = junction_vmax.copy()
-    trial[ends] = 0.0
+    trial[end] = 0.0
     try:
         return attempt(trial)
     except PlanningError:

@@ -10,11 +10,11 @@ import numpy as np
 
 from mcserver.motion.bound import Bound, PlanningError
 from mcserver.motion.geometry.curves import Array
-from mcserver.motion.geometry.segment import AxisLimits, Segment, columns_of
+from mcserver.motion.geometry.segment import AxisLimits, Segment
 from mcserver.motion.geometry.torque_limits import TorqueLimits
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.planned_run import PlannedRun
-from mcserver.motion.lookahead.setpoint_sampling import first_row, sample
+from mcserver.motion.lookahead.setpoint_sampling import first_row, put_end, put_sample
 from mcserver.motion.pieces import PIECE, Activation, Deactivation, Piece, Rows
 
 # Shares of the torque limits that each group is planned with, tried until their sum is within the limits.
@@ -66,11 +66,9 @@ def _load(runs: list[PlannedRun], base: Array, cycle: float, torque: TorqueLimit
     while low <= cycles:
         high = min(low + PIECE, cycles + 2)
         position = np.tile(base, (high - low + 1, 1))
+        velocity = np.zeros_like(position)
         for run in runs:
-            moved = columns_of(run.segments[0].mask)
-            position[1 if low < 0 else 0 :, moved] = sample(run, 0.0, max(low, 0), high, cycle).position[
-                :, moved
-            ]
+            put_sample(run, 0.0, low, high, cycle, position, velocity)
         first = (position[2:] - position[:-2]) / (2.0 * cycle)
         second = (position[2:] - 2.0 * position[1:-1] + position[:-2]) / cycle**2
         carried = runs[0].segments[0].carried
@@ -105,10 +103,7 @@ def sample_parallel(
         position = np.tile(base, (high - low + 1, 1))
         velocity = np.zeros_like(position)
         for run in travelling:
-            part = sample(run, origin, low, high, cycle)
-            moved = [column for column in range(len(base)) if run.segments[0].mask >> column & 1]
-            position[:, moved] = part.position[:, moved]
-            velocity[:, moved] = part.velocity[:, moved]
+            put_sample(run, origin, low, high, cycle, position, velocity)
         count = high - low + 1
         yield Rows(
             low,
@@ -121,9 +116,7 @@ def sample_parallel(
         low = high + 1
     final = base.copy()
     for run in travelling:
-        segment = run.segments[0]
-        moved = [column for column in range(len(base)) if segment.mask >> column & 1]
-        final[moved] = segment.sample(np.array([1.0]))[0][0][moved]
+        put_end(run, final)
     yield Deactivation(float(last), line, mask, tuple(final.tolist()))
 
 

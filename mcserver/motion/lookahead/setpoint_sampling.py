@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.path_columns import ARC_KIND, OTHER, STRAIGHT, PathColumns
+from mcserver.motion.geometry.segment import columns_of
 from mcserver.motion.kernels.arc_segments import ARC
 from mcserver.motion.kernels.row_sampling import RowPlaces, SampledSegments, locate_samples, sample_rows
 from mcserver.motion.lookahead.planned_run import PlannedRun
@@ -76,6 +77,20 @@ def sample(
     return Rows(
         first, position, velocity, path.active[here], path.line[here], feed_scale=path.feed_scale[here]
     )
+
+
+def put_sample(
+    run: PlannedRun, origin: float, first: int, last: int, cycle: float, position: Array, velocity: Array
+) -> None:
+    """Write the columns that a run of one segment moves, of rows as of `sample`, into arrays (n, K)."""
+    rows, moved = sample(run, origin, first, last, cycle), columns_of(run.segments[0].mask)
+    position[:, moved], velocity[:, moved] = rows.position[:, moved], rows.velocity[:, moved]
+
+
+def put_end(run: PlannedRun, position: Array) -> None:
+    """Write the columns that a run of one segment moves, at its end, into a position (K,)."""
+    moved = columns_of(run.segments[0].mask)
+    position[moved] = run.segments[0].sample(np.array([1.0]))[0][0][moved]
 
 
 def _sample_splines(

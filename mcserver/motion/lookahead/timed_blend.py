@@ -33,11 +33,11 @@ def as_feed_line(segment: Segment) -> Segment:
     return msgspec.structs.replace(segment, duration=None, feed=feed, feed_speed=speed)
 
 
-def steady_blend(before: Segment, after: Segment, limits: AxisLimits, handle: float) -> Blend | None:
+def steady_blend(before: Segment, after: Segment, limits: AxisLimits) -> Blend | None:
     """Return the shortest blend that can be passed at the lower of the mean speeds; None without one.
 
     Args:
-        before, after: scaled, with the path tolerance in ``after``. handle: as in `blend`.
+        before, after: scaled, with the path tolerance in ``after``.
     """
     best: Blend | None = None
     wanted = STEADY * min(each.feed * each.scale for each in map(as_feed_line, (before, after)))
@@ -45,7 +45,7 @@ def steady_blend(before: Segment, after: Segment, limits: AxisLimits, handle: fl
     while low < high:
         middle = (low + high) // 2 if best is not None else 0
         tolerance = TOLERANCE_SHARES[middle] * after.tolerance
-        found = blend(before, after, tolerance, limits.weights, handle)
+        found = blend(before, after, tolerance, limits.weights)
         if found is not None and keep_times(found, before, after, limits) >= wanted:
             best, low = found, middle + 1
         elif best is None:

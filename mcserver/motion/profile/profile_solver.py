@@ -18,8 +18,8 @@ from mcserver.motion.bound import PlanningError
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.groups import Groups
 from mcserver.motion.kernels.knots import SOLVED, find_knots
+from mcserver.motion.kernels.sample_limits import Run
 from mcserver.motion.kernels.timed_moves import EARLY, KEPT, LATE, timing_of_group
-from mcserver.motion.limits.path_limits import RunLimits
 from mcserver.motion.limits.segment_table import SegmentTable
 from mcserver.motion.profile.velocity_profile import join_phases
 
@@ -40,7 +40,7 @@ class Solution:
         phases: rows of `mcserver.motion.kernels.phases`. first: the first phase after each knot, and one
             past the last, shape (k,). late: held groups that take longer than their T, in order.
         early: held groups that end before it: the speeds at their ends leave no slower profile.
-        limits: that it was solved within.
+        run: the limits that it was solved within.
     """
 
     knots: NDArray[np.intp]
@@ -49,7 +49,7 @@ class Solution:
     first: NDArray[np.intp]
     late: tuple[int, ...]
     early: tuple[int, ...]
-    limits: RunLimits
+    run: Run
 
     def times(self, edges: Array) -> Array:
         """Return the times at σ's ``edges`` (n+1,) [s]."""
@@ -75,7 +75,7 @@ class KnotSolver:
         self.durations = table.columns.duration[groups.starts]
         self.held = ~np.isnan(self.durations)
         self.flow_vmax = np.full(len(self.held), math.inf)
-        self.run: RunLimits
+        self.run: Run
         self.entry = entry
 
     @property
@@ -106,9 +106,9 @@ class KnotSolver:
         # with zero acceleration at a knot that only saves time there may be no profile from the entry speed:
         # then try without such knots
         for required_only in (False, True):
-            first = self._initial_knots(junction_vmax, hints=not required_only)
+            first = self._initial_knots(junction_vmax)
             status, blamed, knots, speeds, phases, starts, timings = find_knots(
-                self.run.run,
+                self.run,
                 self._groups.edges,
                 junction_vmax,
                 durations,
@@ -130,14 +130,12 @@ class KnotSolver:
                 )
         raise PlanningError(self._table.segments[int(self._groups.starts[blamed])].line)
 
-    def _initial_knots(self, junction_vmax: Array, *, hints: bool) -> NDArray[np.bool_]:
-        """Return the initial knots: around held groups, at stops, and with ``hints`` the last plan's."""
+    def _initial_knots(self, junction_vmax: Array) -> NDArray[np.bool_]:
+        """Return the initial knots: around held groups, and at stops."""
         is_knot = junction_vmax <= 0.0
         is_knot[0] = is_knot[-1] = True
         is_knot[:-1] |= self.held
         is_knot[1:] |= self.held
-        if hints:
-            is_knot[:-1] |= self._table.columns.knot_edges[self._groups.starts] & self._groups.bits != 0
         return is_knot
 
     def _timing(self, index: int, speeds: Array) -> int:
@@ -146,7 +144,7 @@ class KnotSolver:
             return KEPT
         length = float(self._groups.edges[index + 1] - self._groups.edges[index])
         ends = (length, float(speeds[index]), float(speeds[index + 1]))
-        return int(timing_of_group(self.run.run, index, ends, float(self.durations[index])))
+        return int(timing_of_group(self.run, index, ends, float(self.durations[index])))
 
     def raise_speeds(self, late: tuple[int, ...], speeds: Array, junction_vmax: Array) -> bool:
         """Raise junction speeds at the ends of late segments (D-33); return whether any was raised.

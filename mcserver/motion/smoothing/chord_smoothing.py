@@ -16,7 +16,7 @@ from mcserver.motion.geometry.segment import AxisLimits, Segment, columns_of
 from mcserver.motion.geometry.segment_list import SegmentList
 from mcserver.motion.geometry.segment_rows import SegmentRows
 from mcserver.motion.geometry.spline_curve import Spline, SplineCurve
-from mcserver.motion.kernels.spline_fit import AT_REST, JOINED, first_reach, fit
+from mcserver.motion.kernels.spline_fit import AT_REST, JOINED, fit
 from mcserver.motion.kernels.spline_samples import PartSamples, count_samples, sample_parts
 from mcserver.motion.smoothing.chord_runs import SHARE, Chords
 from mcserver.motion.smoothing.neighbours import ALONE, Neighbours
@@ -218,13 +218,7 @@ class ChordSmoother:
         longest = max(LONGEST, CHORD_LENGTHS * float(chords.lengths[1:-1].max(initial=0.0)))
         allowed = chords.tolerances * TOLERANCE_SHARE
         tolerances = np.minimum(np.append(allowed, allowed[-1]), np.append(allowed[0], allowed))
-        reaches = np.full(len(chords.turns), longest)
-        np.divide(
-            VERTEX_REACH * allowed,
-            chords.turns,
-            out=reaches,
-            where=chords.turns * longest > VERTEX_REACH * allowed,
-        )
+        reaches = _vertex_reaches(chords.turns, allowed, longest)
         before, after = inner[0], inner[-1]
         begin, start = inner[1].begin, JOINED
         if given.jet is None:
@@ -297,7 +291,8 @@ class ChordSmoother:
         # more than the whole run is no more freedom
         limit = np.minimum(tolerances / MM, t[-1])
         most = min(longest / MM, RUN_LENGTHS * float(t[-1]))
-        reach = first_reach(t, turns, limit, VERTEX_REACH, most)
+        reach = np.full(len(t), most)
+        reach[1:-1] = _vertex_reaches(turns, np.minimum(limit[:-1], limit[1:]), most)
         found, knots, spans = fit(
             t, points, reach, most, limit, even, (bounds.start, first), (bounds.end, last)
         )
@@ -436,6 +431,13 @@ def _open_curve(
     chords = SegmentList([rest])
     chords.extend(lines[1:])
     return OpenCurve(lines[0], chords, jets)
+
+
+def _vertex_reaches(turns: Array, tolerances: Array, longest: float) -> Array:
+    """Return L at vertices: as long as a single one allows, at most ``longest``, shape (n,)."""
+    with np.errstate(divide="ignore"):
+        reaches: Array = np.minimum(longest, VERTEX_REACH * tolerances / turns)
+    return reaches
 
 
 def _begin(line: Segment, wanted: float, chords: Chords, *, rests: bool) -> tuple[float, int]:

@@ -61,4 +61,6 @@ def test_an_arc_that_must_be_begun_from_rest_is() -> None:
     moves = [*chords(0, 40), Move(arc(1).group, from_rest=True), *chords(2, 40)]
     motion = plan(MACHINE, moves, start=np.array([RADIUS, 0.0]))
     assert_kept(motion, TOLERANCE)
-    assert np.linalg.norm(motion.position[:, :2] - at(1), axis=1).min() < 1e-9
+    # the rest may be half a cycle from the nearest row, at the greatest jerk
+    nearest = MACHINE.axes[0].max_jerk * (0.5 * motion.cycle) ** 3 / 6.0
+    assert np.linalg.norm(motion.position[:, :2] - at(1), axis=1).min() < nearest
