@@ -83,7 +83,7 @@ def test_a_share_of_the_limits_is_kept_from_programs() -> None:
 
 
 def test_a_program_draws_the_same_shape_on_a_belt_that_moves() -> None:
-    still = Picker(MACHINE, f"G1010\nG90 G94 F3000\n{SHAPE}M2").play()
+    still = Picker(MACHINE, f"G1010\nG90 G94 F6000\n{SHAPE}M2").play()
     cell = Picker(MACHINE, f"{BELT}G1060 P0\n{SHAPE}G1061\nM2").play()
     assert cell.faults == still.faults == []
     assert cell.broken() == []

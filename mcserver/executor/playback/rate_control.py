@@ -42,8 +42,8 @@ QUICK_TRIES = 8
 # Period of searching for a change that goes further, or is faster, than the one that is followed [cycles].
 AGAIN = 12
 # It is searched for if the present change lasts longer than this [cycles]; in an emergency stop in every
-# cycle, for any change.
-SLOW_CYCLES = 48
+# cycle, for any change, and with this period for one within the jerk limit too.
+SLOW_CYCLES, GENTLY_AGAIN = 48, 3
 # `NEAR_PATIENCE` applies within this share of the rows before an edge in which a stop is near.
 NEAR_ROOM = 0.6
 # A stop is near within so many stops of the rows' speed before an edge, plus some rows. Where rows brake
@@ -68,6 +68,16 @@ class _Order:
 def _sooner(plan: RatePlan, other: RatePlan | None) -> bool:
     """Return whether a plan stops, and the other one does not, or later."""
     return plan.target == 0.0 and (other is None or other.target > 0.0 or len(plan) < len(other))
+
+
+def _slows_more(plan: RatePlan, passed: int, other: RatePlan, since: int) -> bool:
+    """Return whether a plan is at a lower rate than another one some cycles from now.
+
+    Args:
+        passed, since: cycles of the two that have passed.
+    """
+    cycles = min(AGAIN, len(plan) - passed, len(other) - since)
+    return cycles > 0 and plan.at(passed + cycles)[1] < other.at(since + cycles)[1]
 
 
 class RateControl:
@@ -171,11 +181,14 @@ class RateControl:
             found = self._search(u, order, passed, far)
             near = edge is not None and edge - u < far
             begun = plan is not None and self._order is not None and self._order.urgent
-            if urgent and (not begun or self._passed % AGAIN == 0):
-                # where rows leave little room for a step of acceleration, a stop within the jerk limit may be
-                # sooner
-                gentle = self._search(u, _Order(target, edge, False), passed, far)
-                if gentle is not None and _sooner(gentle, found):
+            if urgent and (not begun or self._passed % GENTLY_AGAIN == 0):
+                # where rows leave little room for a step of acceleration, a stop within the jerk limit, or a
+                # part of one, may be sooner
+                gentle = self._search(u, _Order(target, edge, False), passed, far, in_parts=True)
+                if gentle is not None and (
+                    _sooner(gentle, found)
+                    or (found is not None and gentle.target > 0.0 and _slows_more(gentle, 0, found, 0))
+                ):
                     found = gentle
             if found is None and begins and plan is None and self.rate > 0.0 and near:
                 found = self._search_from_rest(u, order, far)
@@ -234,27 +247,29 @@ class RateControl:
 
     def _is_better(self, found: RatePlan, order: _Order) -> bool:
         """Return whether a plan comes closer to the ordered rate than the present one, or sooner."""
-        plan = self._plan
-        if order.urgent and self._slows_more_than(found, order):
-            return False
+        plan, had = self._plan, self._order
+        if order.urgent and plan is not None and had is not None:
+            slows = plan.at(min(self._passed + AGAIN, len(plan)))[1] < self.rate
+            if had.edge == order.edge and slows and _slows_more(plan, self._passed, found, 0):
+                return False
+            if found.target > 0.0 and _slows_more(found, 0, plan, self._passed):
+                return True
         if plan is None or not self._may_be_better(order):
             return True
         if found.target == plan.target == order.target:
             return len(found) < len(plan) - self._passed
         return abs(found.target - order.target) <= abs(plan.target - order.target)
 
-    def _slows_more_than(self, found: RatePlan, order: _Order) -> bool:
-        """Return whether the present plan, for the same edge, slows down by more in the next cycles."""
-        plan, had = self._plan, self._order
-        if plan is None or had is None or had.edge != order.edge:
-            return False
-        cycles = min(AGAIN, len(plan) - self._passed, len(found))
-        return cycles > 0 and plan.at(self._passed + cycles)[1] < min(found.at(cycles)[1], self.rate)
-
     # ------------------------------------------------------------------ what
 
-    def _search(self, u: float, order: _Order, passed: float, far: float) -> RatePlan | None:
-        """Return the fastest plan found that keeps all limits, or else one that `PATIENCE` allows."""
+    def _search(
+        self, u: float, order: _Order, passed: float, far: float, *, in_parts: bool = False
+    ) -> RatePlan | None:
+        """Return the fastest plan found that keeps all limits, or else one that `PATIENCE` allows.
+
+        Args:
+            in_parts: changes that go only a part of the way will do at once.
+        """
         ahead = 2.0 * self._far_from(self._stop) + 4 * AGAIN
         window = self._playback.window(u, math.ceil(ahead))
         if window is None:
@@ -278,7 +293,7 @@ class RateControl:
             patience = 2 * PATIENCE
             if stage in (1, 3):
                 edge = min(edge, u + LITTLE_WAY * far)
-        in_parts = order.urgent or self._has_torques or self._may_be_better(order)
+        in_parts = in_parts or order.urgent or self._has_torques or self._may_be_better(order)
         manner = Manner(
             urgent=order.urgent,
             by_any=must_stop or (waits and self._refused >= patience),
