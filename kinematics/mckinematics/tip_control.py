@@ -170,26 +170,16 @@ class TipControl:
             tool=self.tool.number,
         )
 
-    def refuse_beyond(self, joints: Array, place: Array, s: float | None = None) -> None:
-        """Refuse joints (K,) past their limits, at a place of the tip (3,) [m].
-
-        Raises:
-            JointLimit: the first of them.
-        """
-        chain = self.tool.chain
-        excess = np.maximum(chain.lower - joints, joints - chain.upper)
-        column = int(np.argmax(excess))
-        if excess[column] > LIMIT_SLACK:
-            value, beyond = float(joints[column]), float(excess[column])
-            left = 0.0 if chain.revolute[column] else beyond
-            raise refusal.joint_limit(self.tool, column, value, place, s, left)
-
     def _refuse_limits(self, lead: Lead, knots: Array, spline: Array) -> None:
-        for value in spline_extremes(knots, spline):
-            beyond = np.maximum(self.tool.chain.lower - value, value - self.tool.chain.upper).max(axis=1)
-            cell = int(np.argmax(beyond))
-            s = float(knots[cell])
-            self.refuse_beyond(value[cell], lead.position(np.array([s]))[0], s)
+        chain = self.tool.chain
+        for values in spline_extremes(knots, spline):
+            beyond = np.maximum(chain.lower - values, values - chain.upper)
+            cell, column = (int(each) for each in np.unravel_index(np.argmax(beyond), beyond.shape))
+            excess, s = float(beyond[cell, column]), float(knots[cell])
+            if excess > LIMIT_SLACK:
+                left = 0.0 if chain.revolute[column] else excess
+                value, place = float(values[cell, column]), lead.position(np.array([s]))[0]
+                raise refusal.joint_limit(self.tool, column, value, place, s, left)
 
     def _linearise(self, joints: Array) -> tuple[Array, Array]:
         positions, rotations, rates = self.tool.chain.jacobian(joints)
