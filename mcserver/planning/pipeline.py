@@ -583,9 +583,8 @@ class Pipeline:
         frame, lasting = self._interpreter.frame, self._expansion.lasting
         if frame is not self._frame or lasting is not self._lasting:
             self._frame, self._lasting = frame, lasting
-            if frame is not None or lasting:
-                frame = msgspec.structs.replace(frame or Frame(), parameters=lasting)
-                self._plan.reports.append(Report(ReportKind.FRAME, line, frame=frame))
+            frame = msgspec.structs.replace(frame or Frame(), parameters=lasting)
+            self._plan.reports.append(Report(ReportKind.FRAME, line, frame=frame))
 
     def _end_of_text(self) -> None:
         self.lines.closed = True

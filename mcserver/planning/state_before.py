@@ -13,6 +13,7 @@ from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.gcode.computing.machine_values import Source
 from mcserver.gcode.computing.macro_expansion import expansion_of
 from mcserver.gcode.profiles.codes import SPINDLE
+from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.interpreter import Interpreter, without_pause
 from mcserver.gcode.text.line_window import LineWindow
 from mcserver.gcode.text.parser import ParsedLine
@@ -252,6 +253,10 @@ def state_before(
         effects.energized.discard(spindle)
     if not interpreter.ended:
         modal = msgspec.structs.replace(modal, computed=expansion.kept())
+    if modal.frame is not None or expansion.lasting:
+        # what the program sets itself is what differs from these
+        frame = msgspec.structs.replace(modal.frame or Frame(), parameters=expansion.lasting)
+        modal = msgspec.structs.replace(modal, frame=frame)
     return StateBefore(
         modal=modal,
         positions=interpreter.positions,

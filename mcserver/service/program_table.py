@@ -250,7 +250,9 @@ class ProgramTable:
         if program.slot is None:
             return
         end = self.pauses.end(program)
-        program.frame = end.frame or program.frame
+        if end.frame is not None:
+            # parameters that others have set meanwhile are not the program's
+            program.frame = msgspec.structs.replace(end.frame, parameters=program.frame.parameters)
         self.planner.send(EndPause(program.program, end))
         self.port.orders.end_pause(program.slot)
         # what the pause asked for is done

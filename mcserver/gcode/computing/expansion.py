@@ -28,7 +28,7 @@ from mcserver.gcode.computing.o_words import (
     saves,
     shown_name,
 )
-from mcserver.gcode.computing.parameters import ComputedState, ParameterTable, check_own
+from mcserver.gcode.computing.parameters import ComputedState, ParameterTable, check_own, stays
 from mcserver.gcode.computing.saved_state import restoring_line, state_of
 from mcserver.gcode.line_faults import Origin, Span, in_file
 from mcserver.gcode.semantics.interpreter import Interpreter
@@ -75,8 +75,7 @@ class Expansion:
     def __init__(self, interpreter: Interpreter, source: Source = Source.MACHINE) -> None:
         self._interpreter = interpreter
         self._tolerant = source is Source.ASSUMED
-        frame = interpreter.frame
-        self._parameters = self._table(ComputedState(frame.parameters if frame is not None else {}))
+        self._parameters = self._table(ComputedState(self._stayed()))
         self._subprograms: dict[str, Routine] = {}
         self._texts: dict[int, str] = {}
         self._gathered: dict[int, str] = {}
@@ -95,7 +94,7 @@ class Expansion:
         self._given_number = 0
         self._steps = 0
         self._said: set[tuple[str, int, int]] = set()
-        kept = interpreter.modal.computed
+        kept = interpreter.program_modal.computed
         if kept is not None:
             self._restore(kept)
 
@@ -108,6 +107,12 @@ class Expansion:
 
     def _table(self, kept: ComputedState) -> ParameterTable:
         return ParameterTable(kept, persistent=self._interpreter.machine.dialect.persistent)
+
+    def _stayed(self) -> dict[int, float]:
+        """Return the parameters of earlier programs, but those that no longer stay on this machine."""
+        frame, persistent = self._interpreter.frame, self._interpreter.machine.dialect.persistent
+        kept = {} if frame is None else frame.parameters
+        return {number: value for number, value in kept.items() if stays(number, persistent)}
 
     # ------------------------------------------------------------ state
 

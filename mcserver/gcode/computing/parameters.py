@@ -48,6 +48,11 @@ class ComputedState(msgspec.Struct, frozen=True):
     subprograms: Mapping[int, str] = {}
 
 
+def stays(number: int, persistent: tuple[tuple[int, int], ...]) -> bool:
+    """Return whether a parameter is among those of which first and last are given."""
+    return any(first <= number <= last for first, last in persistent)
+
+
 class ParameterTable:
     """Parameters that a program sets itself (D-81).
 
@@ -98,12 +103,9 @@ class ParameterTable:
             self._lasting = {
                 number: value
                 for number, value in self._numbered.items()
-                if self._stays(number) and self._is_set(value)
+                if stays(number, self._persistent) and self._is_set(value)
             }
         return self._lasting
-
-    def _stays(self, number: int) -> bool:
-        return any(first <= number <= last for first, last in self._persistent)
 
     def _is_set(self, value: float) -> bool:
         return (type(value), value) != (type(self._unset), self._unset)
@@ -124,7 +126,7 @@ class ParameterTable:
             self.scopes[-1].numbered[number] = value
         else:
             self._numbered[number] = value
-            if self._stays(number):
+            if stays(number, self._persistent):
                 self._lasting = None
 
     def set_named(self, name: str, value: float, span: Span = (1, 2)) -> None:

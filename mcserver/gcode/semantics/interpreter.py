@@ -84,6 +84,11 @@ class Interpreter:
         return self._modal
 
     @property
+    def program_modal(self) -> ModalState:
+        """As `modal`; while lines of an approach are read, the state from which the program starts."""
+        return self._program or self._modal
+
+    @property
     def frame(self) -> Frame | None:
         """Work offsets in force, after the program's end the last ones; None: never any."""
         return self._frame
