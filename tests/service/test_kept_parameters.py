@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import msgspec
 import pytest
 
+from mcserver.gcode.computing.parameters import ComputedState
 from mcserver.machine.machine_file import Machine, parse_machine
+from mcserver.planning.start_state import StartState
+from mcserver.planning.state_before import state_before
 from mcserver.service.approach import Confirmation
 from mcserver.service.work_offsets import WorkOffsets, offsets_file
 from tests.machine_text import axes_text
@@ -73,3 +77,22 @@ async def test_a_continued_program_has_its_parameters_and_stores_only_those_it_s
     assert shop.at() == pytest.approx((7.0, 3.0, 6.0))
     await shop.stop()
     assert stored(tmp_path) == {100: 50.0, 101: 6.0, 110: 1.0}
+
+
+async def test_a_variable_without_value_has_none_where_a_program_goes_on(tmp_path: Path) -> None:
+    shop = Shop(mill('macros = "fanuc"'), tmp_path)
+    await shop.run("#500 = 5", "#501 = 8")
+    lines = ["#500 = #0", "#100 = #0", "G1 X10 F3000", "M0", "G1 X#500 Y#100 Z#501"]
+    kept = state_before(lines, 4, mill('macros = "fanuc"'), StartState.of(mill())).modal.computed
+    # on the way to the planner's process
+    assert msgspec.msgpack.decode(msgspec.msgpack.encode(kept), type=ComputedState) == kept
+    program = await shop.at_pause(lines)
+    await shop.until(lambda: program.ack().done >= 3)
+    shop.kill()
+    shop = Shop(mill('macros = "fanuc"'), tmp_path, "second")
+    again = await shop.service.continue_program("page", program.program, confirmed=Confirmation(way=True))
+    await shop.paused(again)
+    assert (await shop.resumed(again)).state == "finished"
+    assert shop.at() == pytest.approx((10.0, 0.0, 8.0))
+    await shop.stop()
+    assert stored(tmp_path) == {501: 8.0}

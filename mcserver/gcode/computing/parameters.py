@@ -38,11 +38,11 @@ class ComputedState(msgspec.Struct, frozen=True):
     """Parameters and subprograms of a program between two lines, from where it can continue.
 
     Attributes:
-        numbered: parameters that are not 0. local: names of the main program. named: global names.
-        subprograms: text of their lines, by line number.
+        numbered: parameters that were set; None: to no value, or 0. local: names of the main program. named:
+            global names. subprograms: text of their lines, by line number.
     """
 
-    numbered: Mapping[int, float] = {}
+    numbered: Mapping[int, float | None] = {}
     local: Mapping[str, float] = {}
     named: Mapping[str, float] = {}
     subprograms: Mapping[int, str] = {}
@@ -76,12 +76,12 @@ class ParameterTable:
         self._persistent = persistent
         self._lasting: Mapping[int, float] | None = None
         self.scopes = [self.scope()]
-        self._numbered = {number: value for number, value in kept.numbered.items() if number > local}
+        self._numbered: dict[int, float] = {}
         self._named = dict(kept.named)
         self.scopes[0].named.update(kept.local)
         for number, value in kept.numbered.items():
-            if number <= local:
-                self.scopes[0].numbered[number] = value
+            where = self.scopes[0].numbered if number <= local else self._numbered
+            where[number] = unset if value is None else value
 
     def scope(self, arguments: tuple[float, ...] = ()) -> Scope:
         """Create the parameters of a call."""
@@ -95,7 +95,8 @@ class ParameterTable:
         """Return the parameters of the main program, and the global ones."""
         main = self.scopes[0]
         local = {each: value for each, value in enumerate(main.numbered) if self._is_set(value)}
-        return ComputedState({**self._numbered, **local}, dict(main.named), dict(self._named))
+        shared = {each: value if self._is_set(value) else None for each, value in self._numbered.items()}
+        return ComputedState({**shared, **local}, dict(main.named), dict(self._named))
 
     def lasting(self) -> Mapping[int, float]:
         """Return the parameters that stay for later programs; the same object until one is set."""
