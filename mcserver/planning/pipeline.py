@@ -389,6 +389,8 @@ class Pipeline:
         if line == APPROACH_LINE:
             # nobody can correct an approach, and the program must not begin from another position
             raise rejected
+        # steps of a block ahead of the fault may have set parameters
+        self._note_frame(plan.last_line)
         plan.reports.append(Report(ReportKind.REJECTED, line, diagnostics=rejected.diagnostics))
         # a block of O-words has been executed in part only
         plan.last_line = self._passable((self._expansion.head or line) - 1)

@@ -96,3 +96,12 @@ async def test_a_variable_without_value_has_none_where_a_program_goes_on(tmp_pat
     assert shop.at() == pytest.approx((10.0, 0.0, 8.0))
     await shop.stop()
     assert stored(tmp_path) == {501: 8.0}
+
+
+async def test_what_a_block_sets_ahead_of_its_faulty_line_stays(tmp_path: Path) -> None:
+    shop = Shop(mill(), tmp_path)
+    lines = ["#100 = 1", "o1 if [#100 EQ 1]", "#101 = 7", "#102 = [1 / 0]", "#103 = 1", "o1 endif"]
+    program = await shop.ended(await shop.begin_part(lines))
+    assert (program.state, program.rejected) == ("rejected", 4)
+    await shop.stop()
+    assert stored(tmp_path) == {100: 1.0, 101: 7.0}
