@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from mckinematics.pose import Kinematics
 
@@ -120,6 +120,7 @@ def assert_same_group(one: FeedGroup, other: FeedGroup) -> None:
             np.testing.assert_allclose(getattr(curve, name), getattr(like, name), rtol=1e-6, atol=1e-9)
 
 
+@settings(max_examples=30)
 @given(programs())
 def test_lines_of_a_tool_in_columns_are_those_of_one_by_one(drawn: tuple[str, list[str]]) -> None:
     name, texts = drawn
