@@ -47,6 +47,8 @@ BROKEN_ONCE = {
     # than its knots are apart. 1285: the end of a line under way became a curve, which left the rest no room
     # to slow down. 81100: speeds beside a line with a T were found with other limits than it was planned
     # with.
+    # samples miss the greatest speed of an axis on it by 0.0003, beside what a stretch was given
+    "an axis was too fast on an arc": (wide_program_of, 34000065),
     "what machines seldom do": (wide_program_of, 9, 32, 139, 581, 1285, 81100),
 }
 

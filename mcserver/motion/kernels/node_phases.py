@@ -10,8 +10,9 @@ from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
 from mcserver.motion.kernels.sample_limits import TINY
 
-# Tolerances of phases: shares of F, and of the axes' acceleration and jerk.
-PHASE_LIMITS = (1.0009, 1.003, 1.035)
+# Tolerances of phases: shares of F, and of the axes' acceleration and jerk. Samples of an arc miss the
+# greatest speed of an axis by up to 0.0003.
+PHASE_LIMITS = (1.0006, 1.003, 1.035)
 # Share of the speed limits by curvature, which leave a margin for acceleration.
 PHASE_SPEED = 1.01
 # Fewest and most Newton steps for the time from node to node, and their tolerance as a share of the distance.
