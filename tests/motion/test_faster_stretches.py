@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from mcserver.motion.canonical import FeedGroup
 from mcserver.motion.geometry.curves import Array
-from mcserver.motion.kernels.node_phases import exceed_limits, to_phases
+from mcserver.motion.kernels.node_phases import PHASE_LIMITS, exceed_limits, to_phases
 from mcserver.motion.kernels.path_speed import quicker_phases
 from mcserver.motion.kernels.phases import PHASE
 from mcserver.motion.kernels.sample_limits import run_of
@@ -277,7 +277,7 @@ def test_a_phase_is_looked_at_where_its_speed_turns(turn: float, by_feed: bool) 
     fed = np.full(2, limit if by_feed else np.inf)
     limits, over = np.array([[limit], [1e9], [1e9]]), np.empty((1, 3))
     assert exceed_limits(phases, demand, np.full(2, np.inf), fed, limits, 0.0, over)
-    assert over[0, 0] == pytest.approx(peak / 1.0009)
+    assert over[0, 0] == pytest.approx(peak / PHASE_LIMITS[0])
 
 
 @pytest.mark.parametrize("speed", [0.3, 1e-3, 1e-6])
