@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import threading
 from typing import Annotated
 
 import typer
@@ -11,6 +12,9 @@ from mcserver.cli.console import narration
 from mcserver.cli.options import ConnectOption, ZenohConfigOption
 from mcserver.errors import ConfigurationError
 from mcserver.net.keys import is_name
+
+# Period of looking whether the fleet still runs [s].
+LOOK_S = 0.5
 
 
 def fleet_sim(
@@ -48,12 +52,18 @@ def fleet_sim(
         config_file=zenoh,
     )
     options = FleetOptions(machines, first, prefix, axes, state_hz, line_s, network)
+    # a handler would run amid the wait of `fleet.run`, whose lock it would need; threads inherit the mask
+    ending = (signal.SIGTERM, signal.SIGINT)
+    signal.pthread_sigmask(signal.SIG_BLOCK, ending)
     session, fleet = open_fleet(options)
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: fleet.stop())
     names = f"{prefix}-{first:05d} … {prefix}-{first + machines - 1:05d}"
     where = ", ".join([*(connect or ()), *(listen or ())]) or "the Zenoh configuration, or the loopback"
     narration().print(f"{machines} light machines {names} at {where}")
-    fleet.run()
+    running = threading.Thread(target=fleet.run)
+    running.start()
+    while running.is_alive() and signal.sigtimedwait(ending, LOOK_S) is None:
+        pass
+    fleet.stop()
+    running.join()
     session.close()  # type: ignore[no-untyped-call]
     fleet.close()
