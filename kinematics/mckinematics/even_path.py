@@ -8,7 +8,7 @@ import numpy as np
 
 from mckinematics.next_pose import solve_near
 from mckinematics.path_solver import CLEAR_GAIN
-from mckinematics.pose import Array
+from mckinematics.pose import Array, BoolArray
 from mckinematics.rotation import euler_to_matrix, rotation_matrices, rotation_vectors
 from mckinematics.target_path import START_TOLERANCE
 from mckinematics.tool import Targets, ToolModel
@@ -67,6 +67,11 @@ class EvenPaths:
         )
 
 
+def leading(sound: BoolArray) -> int:
+    """Return the length of the leading run of True."""
+    return len(sound) if sound.all() else int(sound.argmin())
+
+
 def samples_of(joints: Array) -> Array:
     """Return the joints at `SAMPLES` of each line, shape (n·5, K)."""
     starts, travels = joints[:-1, None], np.diff(joints, axis=0)[:, None]
@@ -115,8 +120,7 @@ def _sound(tool: ToolModel, joints: Array, ends: Targets) -> EvenPaths:
     sound = np.abs(residual[:, -1]).max(axis=1, initial=0.0) <= END_TOLERANCE
     missing = tool.residual(joints[:-1], ends)
     sound &= ~(tool.joint_speed(travels) > CLEAR_GAIN * tool.tool_speed(missing))
-    count = len(sound) if sound.all() else int(sound.argmin())
-    return EvenPaths.of(joints, rates, residual).first(count)
+    return EvenPaths.of(joints, rates, residual).first(leading(sound))
 
 
 def _along(tool: ToolModel, joints: Array, ends: Targets) -> Targets:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mckinematics import refusal
 from mckinematics.errors import KinematicsError, ModelError
-from mckinematics.even_path import SAMPLES, EvenPaths, samples_of
+from mckinematics.even_path import SAMPLES, EvenPaths, leading, samples_of
 from mckinematics.pose import Array, JointPath
 from mckinematics.search import LIMIT_SLACK, within_limits
 from mckinematics.spline import clamped_spline, evaluate_cells, spline_extremes
@@ -123,8 +123,7 @@ class TipControl:
                 turning joints there, shape (n+1, T) [rad]. start: joints at the first, shape (K,).
         """
         joints = np.concatenate((start[None], self.solve(points[1:], turns[1:])))
-        inside = within_limits(self.tool, joints[1:])
-        count = len(inside) if inside.all() else int(inside.argmin())
+        count = leading(within_limits(self.tool, joints[1:]))
         joints, points = joints[: count + 1], points[: count + 1]
         tips, rates = self._linearise(samples_of(joints))
         starts, travels = points[:-1, None], np.diff(points, axis=0)[:, None]

@@ -13,7 +13,9 @@ from collections import deque
 from collections.abc import Callable, Sequence
 
 import msgspec
+import numpy as np
 from mckinematics.pose import Kinematics
+from numpy.typing import NDArray
 
 from mcserver.clearance.mounted import Exchange
 from mcserver.errors import Diagnostic, ProgramRejected
@@ -461,15 +463,16 @@ class Pipeline:
         self._plan.canonical += [*self._exchanged_by(first), *found.values]
         for each in found.values:
             if isinstance(each, PathBatch):
-                self._note_solving(each.lines.tolist())
+                self._note_solving(each.lines)
         self._note_frame(self._plan.last_line)
         return True
 
-    def _note_solving(self, lines: Sequence[int]) -> None:
+    def _note_solving(self, lines: Sequence[int] | NDArray[np.int64]) -> None:
         """Report the time of inverse kinematics for lines that were solved together."""
         spent = 0.0 if self._solving is None else self._solving.take() / len(lines)
         if spent > 0.0:
-            self._plan.reports += [Report(ReportKind.SOLVED, line, planning_s=spent) for line in lines]
+            reports = [Report(ReportKind.SOLVED, int(line), planning_s=spent) for line in lines]
+            self._plan.reports += reports
 
     def _interpret(self) -> bool:
         """Interpret one line; False where it has to wait for the executor, or is to be sent again."""

@@ -98,8 +98,8 @@ class PathBatchInterpreter:
         )
         commanded.positions.update(zip(axes, points[count].tolist(), strict=True))
         after = state_after(modal, table.feeds, table.spindle, int(lines.motion[-1]))
-        idle = {letter: (number + at, many) for letter, (at, many) in table.without_effect().items()}
-        return InterpretedBatch(after, self._values(batch, lines, points, axes, modal), table.taken, idle)
+        values = self._values(batch, lines, points, axes, modal)
+        return InterpretedBatch(after, values, table.taken, table.without_effect(number))
 
     def _values(
         self,

@@ -116,7 +116,7 @@ class TipBatchInterpreter:
         inside = np.asarray(((coordinates >= led.least) & (coordinates <= led.greatest)).all(axis=1))
         sound &= inside[:-1] & inside[1:]
         count = leading(sound)
-        joints, tips = self._solved(
+        joints, tips, tolerances = self._solved(
             led, coordinates[: count + 1], commanded, tolerance, exact_stop=modal.exact_stop
         )
         count = len(tips)
@@ -124,22 +124,22 @@ class TipBatchInterpreter:
         if count < MIN_LINES:
             return None
         batch = PathBatch(
-            number + lines.table.lines,
-            led.chain,
-            joints,
-            (led.chain,),
-            np.zeros(count, np.intp),
-            np.full((count, 2), np.nan),
-            np.zeros(count),
-            travels,
-            travels,
-            move_duration(lines.numbers) if modal.inverse_time else travels / lines.speeds,
-            None if modal.inverse_time else lines.speeds,
-            tips.tolerances,
-            modal.exact_stop,
-            speed_outputs(lines.table, modal, self._vocabulary),
-            tips,
-            modal.carried,
+            lines=number + lines.table.lines,
+            axes=led.chain,
+            points=joints,
+            frames=(led.chain,),
+            frame=np.zeros(count, np.intp),
+            centres=np.full((count, 2), np.nan),
+            sweeps=np.zeros(count),
+            lengths=travels,
+            travels=travels,
+            requested=move_duration(lines.numbers) if modal.inverse_time else travels / lines.speeds,
+            speeds=None if modal.inverse_time else lines.speeds,
+            tolerances=tolerances,
+            exact_stop=modal.exact_stop,
+            outputs=speed_outputs(lines.table, modal, self._vocabulary),
+            tips=tips,
+            carried=modal.carried,
         )
         commanded.positions.update(zip(led.chain, batch.points[-1].tolist(), strict=True))
         for axis in led.chain:
@@ -150,16 +150,20 @@ class TipBatchInterpreter:
             commanded.poses[modal.tool] = Pose((x, y, z), (a, b, c))
             commanded.stale.discard(modal.tool)
         after = state_after(modal, lines.table.feeds, lines.table.spindle, 1)
-        idle = {letter: (number + at, many) for letter, (at, many) in lines.table.without_effect().items()}
-        return InterpretedBatch(after, (batch,), lines.table.taken, idle)
+        return InterpretedBatch(after, (batch,), lines.table.taken, lines.table.without_effect(number))
 
     def _solved(
         self, led: _Led, coordinates: Array, commanded: CommandedState, tolerance: float, *, exact_stop: bool
-    ) -> tuple[Array, TipColumns]:
-        """Return the lines up to one on which joints must not go evenly: joints (n+1, K), and columns."""
+    ) -> tuple[Array, TipColumns, Array]:
+        """Return the lines up to one on which joints must not go evenly.
+
+        Returns:
+            The joints at their ends, shape (n+1, K), and what `tip_columns` has.
+        """
         chain = [self._setup.axes[axis] for axis in led.chain]
         joints = [np.array([[commanded.positions[axis] for axis in led.chain]])]
         parts: list[TipColumns] = []
+        tolerances = [np.empty(0)]
         first, size = 0, _FIRST_BLOCK
         while first < len(coordinates) - 1:
             block = coordinates[first : first + size + 1]
@@ -167,13 +171,14 @@ class TipBatchInterpreter:
                 found = led.solve(block, joints[-1][-1])
             except KinematicsError:
                 break
-            tips = tip_columns(chain, found, led.own, tolerance, led.rates, exact_stop=exact_stop)
+            tips, left = tip_columns(chain, found, led.own, tolerance, led.rates, exact_stop=exact_stop)
             joints.append(found.joints[1 : len(tips) + 1])
             parts.append(tips)
+            tolerances.append(left)
             if len(tips) < len(block) - 1:
                 break
             first, size = first + size, min(2 * size, _LARGEST_BLOCK)
-        return np.concatenate(joints), TipColumns.joined(led.rates, parts)
+        return np.concatenate(joints), TipColumns.joined(led.rates, parts), np.concatenate(tolerances)
 
     def _led(self, modal: ModalState, commanded: CommandedState) -> _Led | None:
         """Return the tool in force; None where the block interpreter has to lead it.
@@ -192,7 +197,7 @@ class TipBatchInterpreter:
         known = commanded.starts.keys() | commanded.unsynced.keys() | commanded.guessed
         if not known.isdisjoint(chain) or not setup.leased.issuperset(chain):
             return None
-        if any(axis not in setup.axes or setup.axes[axis].profiled for axis in chain):
+        if any(setup.axes[axis].profiled for axis in chain):
             return None
         return self._led_by_tip(modal, commanded) if by_tip else self._led_tool(tool, commanded)
 
@@ -202,8 +207,7 @@ class TipBatchInterpreter:
         kinematics = setup.kinematics
         assert kinematics is not None
         chain, oriented = setup.chains[tool], kinematics.has_orientation(tool)
-        euler = next((each.euler for each in setup.machine.tools if each.number == tool), "ZYX")
-        pose = commanded_pose(kinematics, tool, euler, commanded)
+        pose = commanded_pose(kinematics, tool, setup.machine, commanded)
         count = 6 if oriented else 3
 
         def solve(coordinates: Array, joints: Array) -> EvenPaths:

@@ -112,15 +112,19 @@ class WordTable(msgspec.Struct, frozen=True, eq=False):
             self.pattern[:count],
         )
 
-    def without_effect(self) -> dict[str, tuple[int, int]]:
-        """Return for each letter without effect the first of `lines` that has it, and the count of these."""
+    def without_effect(self, number: int) -> dict[str, tuple[int, int]]:
+        """Return for each letter without effect the first line that has it, and the count of these.
+
+        Args:
+            number: of the first line.
+        """
         if not any(self.idle):
             return {}
         found: dict[str, tuple[int, int]] = {}
         for letter in dict.fromkeys("".join(self.idle)):
             having = np.flatnonzero(np.array([letter in each for each in self.idle])[self.pattern])
             if len(having):
-                found[letter] = int(self.lines[having[0]]), len(having)
+                found[letter] = number + int(self.lines[having[0]]), len(having)
         return found
 
 

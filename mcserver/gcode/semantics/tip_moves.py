@@ -286,7 +286,7 @@ def _curve(way: _Way) -> SampledCurve:
 
 
 def _line(block: BlockState, way: _Way) -> TipLine | None:
-    """Return a straight line of the joints that keeps the tip within tolerance; None if there is none."""
+    """Return a straight line of the joints that keeps the tip within tolerance, or None."""
     control, lead = way.control, way.lead
     tool = control.tool
     turns = np.array((lead.start[control.turning], lead.turns))

@@ -82,7 +82,7 @@ def tool_feed_move(block: BlockState, command: Command, words: Words, number: in
 
 
 def _line(block: BlockState, tool: int, start: Pose, end: Pose, travel: float) -> TipLine | None:
-    """Return a straight line of the joints that keeps the tool within tolerance; None if there is none."""
+    """Return a straight line of the joints that keeps the tool within tolerance, or None."""
     kinematics = block.setup.kinematics
     assert kinematics is not None
     if travel <= NO_TRAVEL:
@@ -133,9 +133,8 @@ def _read_poses(block: BlockState, command: Command, words: Words) -> Found | No
                     "leave A B C out, or set orientation = true for the tool in the machine file",
                     tool=tool,
                 )
-    euler = next((entry.euler for entry in setup.machine.tools if entry.number == tool), "ZYX")
     try:
-        pose = commanded_pose(kinematics, tool, euler, block.commanded)
+        pose = commanded_pose(kinematics, tool, setup.machine, block.commanded)
         start = start_pose(kinematics, tool, block.commanded, pose)
     except KinematicsError as error:
         report_unsolved(block, command, tool, error)

@@ -8,11 +8,12 @@ from collections.abc import Mapping
 from mckinematics.pose import Kinematics, Pose, Triple
 
 from mcserver.gcode.semantics.commanded_state import CommandedState
+from mcserver.machine.machine_file import Machine
 
 GIMBAL = 1e-6  # cosine of the middle angle below which the outer two axes coincide
 
 
-def commanded_pose(kinematics: Kinematics, tool: int, euler: str, commanded: CommandedState) -> Pose:
+def commanded_pose(kinematics: Kinematics, tool: int, machine: Machine, commanded: CommandedState) -> Pose:
     """Return the tool's last commanded pose, or FK if its joints were moved directly since.
 
     Raises:
@@ -23,6 +24,7 @@ def commanded_pose(kinematics: Kinematics, tool: int, euler: str, commanded: Com
         return kept
     pose = kinematics.pose(tool, commanded.positions)
     if kept is not None and kinematics.has_orientation(tool):
+        euler = next((each.euler for each in machine.tools if each.number == tool), "ZYX")
         pose = Pose(pose.position, keep_c(pose.angles, kept.angles[2], euler))
     commanded.poses[tool] = pose
     commanded.stale.discard(tool)

@@ -150,13 +150,11 @@ class TipColumns(msgspec.Struct, frozen=True, eq=False):
 
     Attributes:
         tool_rates: of all of them. fastest: `max_path_rate`, shape (n,) [m]. levers: shape (n,).
-        tolerances: of the corners at their ends, `MotionLine.tolerance`, shape (n,) [m].
     """
 
     tool_rates: ToolRates
     fastest: Array
     levers: Array
-    tolerances: Array
 
     def __len__(self) -> int:
         return len(self.fastest)
@@ -164,15 +162,15 @@ class TipColumns(msgspec.Struct, frozen=True, eq=False):
     @classmethod
     def joined(cls, tool_rates: ToolRates, parts: Sequence[TipColumns]) -> TipColumns:
         """Return consecutive parts as one."""
-        columns = (
+        fastest, levers = (
             np.concatenate([np.empty(0), *(getattr(part, name) for part in parts)])
-            for name in ("fastest", "levers", "tolerances")
+            for name in ("fastest", "levers")
         )
-        return cls(tool_rates, *columns)
+        return cls(tool_rates, fastest, levers)
 
     def part(self, at: slice) -> TipColumns:
         """Return some of the lines."""
-        return TipColumns(self.tool_rates, self.fastest[at], self.levers[at], self.tolerances[at])
+        return TipColumns(self.tool_rates, self.fastest[at], self.levers[at])
 
     def line(
         self,
